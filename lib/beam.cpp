@@ -163,8 +163,8 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m) {
         longest_m = arc_m ? *arc_m : std::numbers::pi / setting.earth.inverse_radius();
         // From there on it grows shorter, and on a curved earth longer again: up to the farthest arc that resolve() takes.
         if (setting.earth.inverse_radius() > 0)
-            longest_m = std::max(longest_m, pulse_on_ground_m(setting, setting.pulse_length_scale,
-                                                              0.3 / setting.earth.inverse_radius()));
+            longest_m =
+                std::max(longest_m, pulse_on_ground_m(setting, setting.pulse_length_scale, setting.earth.farthest_m()));
     }
     const double bins = longest_m / range_bin_m;
     return static_cast<std::int64_t>(std::ceil(setting.range_is_ground ? static_cast<float>(bins) : bins));

@@ -35,10 +35,7 @@ struct BlockBounds {
 struct BlockWindow {
     Window blocks;
     std::vector<BlockBounds> bounds;
-    const BlockBounds& at(std::int64_t column, std::int64_t row) const {
-        return bounds[static_cast<std::size_t>((row - blocks.rows.begin) * blocks.columns.size() + column -
-                                               blocks.columns.begin)];
-    }
+    const BlockBounds& at(std::int64_t column, std::int64_t row) const { return bounds[blocks.at(column, row)]; }
 };
 
 class BlockMap {
@@ -90,8 +87,7 @@ inline BlockWindow read_bounds(BlockMap& map, int level, const Window& blocks, s
     std::vector<bool> begun(out.bounds.size());
     for (std::int64_t r = down.begin; r < down.end; ++r)
         for (std::int64_t c = across.begin; c < across.end; ++c) {
-            const auto at = static_cast<std::size_t>((r / 2 - blocks.rows.begin) * blocks.columns.size() + c / 2 -
-                                                     blocks.columns.begin);
+            const auto at = blocks.at(c / 2, r / 2);
             if (begun[at])
                 out.bounds[at].add(finer.at(c, r));
             else

@@ -82,38 +82,38 @@ void Cover::judge(const Side& side, const LineForm& near, Interval lines, std::i
     const Spokes& s = desk.spokes;
     const Quadrant q = side.quadrant;
     const std::int64_t groups = s.range.size() / knot;
-    desk.least.resize(static_cast<std::size_t>(groups));
-    least_of_groups(s.horizon.data(), desk.least.size(), desk.least.data());
+    desk.row.least.resize(static_cast<std::size_t>(groups));
+    least_of_groups(s.horizon.data(), desk.row.least.size(), desk.row.least.data());
     // Far above what float's rounding, and straight lines between knots, make of a tangent.
     constexpr double slack = 0x1p-14;
     const double spokes = static_cast<double>(s.of),
                  bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
     const double raised_m = params_.target_m + blocks.cell_relief_m() * static_cast<double>(place_slack);
-    desk.block_w.clear();
+    desk.row.block_w.clear();
     for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) {
         const BlockBounds& b = blocks.bounds[blocks.at(major, j)];
         const double top_m = static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m) + raised_m,
                      w = (top_m - static_cast<double>(lift_.sensor_m)) /
                          (1 + top_m * static_cast<double>(lift_.inverse_radius));
-        desk.block_w.push_back(b.voids == Voids::none ? w : std::numeric_limits<double>::infinity());
+        desk.row.block_w.push_back(b.voids == Voids::none ? w : std::numeric_limits<double>::infinity());
     }
     const std::int64_t spare = 3 + ceil_i(map_.sag(q, static_cast<double>(lines.size() + 2)));
-    desk.touched.assign(static_cast<std::size_t>(groups), {});
-    desk.quiet.assign(static_cast<std::size_t>(groups), 0);
+    desk.row.touched.assign(static_cast<std::size_t>(groups), {});
+    desk.row.quiet.assign(static_cast<std::size_t>(groups), 0);
     for (std::int64_t g = 0; g < groups; ++g) {
         const auto i = static_cast<std::size_t>(g);
         const Interval touched =
-            intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - spare),
-                          block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + spare) + 1},
+            intersection({block_along(floor_i(std::min(desk.fan.at[i], desk.row.far_at[i])) - spare),
+                          block_along(ceil_i(std::max(desk.fan.at[i + 1], desk.row.far_at[i + 1])) + spare) + 1},
                          blocks.minors);
-        desk.touched[i] = touched;
+        desk.row.touched[i] = touched;
         if (!in_fan.contains(g)) continue;
-        float least = desk.least[static_cast<std::size_t>(g)];
+        float least = desk.row.least[static_cast<std::size_t>(g)];
         for (const std::int64_t beside : {g - 1, g + 1})
-            if (in_fan.contains(beside)) least = std::min(least, desk.least[static_cast<std::size_t>(beside)]);
-        const double steep = static_cast<double>(std::max(desk.lift[i], desk.lift[i + 1])),
-                     gentle = static_cast<double>(std::min(desk.far_lift[i], desk.far_lift[i + 1])),
-                     drop = static_cast<double>(std::min(desk.drop[i], desk.drop[i + 1])) - bow;
+            if (in_fan.contains(beside)) least = std::min(least, desk.row.least[static_cast<std::size_t>(beside)]);
+        const double steep = static_cast<double>(std::max(desk.fan.lift[i], desk.fan.lift[i + 1])),
+                     gentle = static_cast<double>(std::min(desk.row.far_lift[i], desk.row.far_lift[i + 1])),
+                     drop = static_cast<double>(std::min(desk.fan.drop[i], desk.fan.drop[i + 1])) - bow;
         bool judged = hides_ && has(least);
         if (judged && scene_.range_limited) {
             // All that a block holds must be in range, whatever its height.
@@ -131,32 +131,32 @@ void Cover::judge(const Side& side, const LineForm& near, Interval lines, std::i
         for (std::int64_t j = touched.begin; j < touched.end; ++j) {
             Skip& skip = blocks.skip[blocks.at(major, j)];
             if (skip == Skip::voids || (skip == Skip::none && !quiet)) continue;
-            const double w = desk.block_w[static_cast<std::size_t>(j - blocks.minors.begin)],
+            const double w = desk.row.block_w[static_cast<std::size_t>(j - blocks.minors.begin)],
                          highest = w * (w > 0 ? steep : gentle) - drop + slack * (std::abs(w) * steep + drop);
             const bool below = judged && highest < static_cast<double>(least);
             quiet = quiet && below;
             if (skip != Skip::none) skip = below ? Skip::hidden : Skip::none;
         }
-        desk.quiet[i] = quiet ? 1 : 0;
+        desk.row.quiet[i] = quiet ? 1 : 0;
     }
 }
 
 /// Those that come by something else than hidden blocks, and those whose horizons nobody knows.
 void Cover::gather_groups(std::int64_t major, Interval counted, Interval in_fan, Desk& desk) {
     const Blocks& blocks = desk.blocks;
-    desk.groups.clear();
+    desk.row.groups.clear();
     for (std::int64_t g = counted.begin; g < counted.end; ++g) {
         const auto i = static_cast<std::size_t>(g);
-        const Interval touched = desk.touched[i];
+        const Interval touched = desk.row.touched[i];
         bool rises = !in_fan.contains(g);
-        for (std::int64_t j = touched.begin; j < touched.end && !rises && !desk.quiet[i]; ++j)
+        for (std::int64_t j = touched.begin; j < touched.end && !rises && !desk.row.quiet[i]; ++j)
             rises = blocks.skip[blocks.at(major, j)] == Skip::none;
         if (!rises) continue;
         // Runs that all but meet are one.
-        if (!desk.groups.empty() && g - desk.groups.back().end < 4)
-            desk.groups.back().end = g + 1;
+        if (!desk.row.groups.empty() && g - desk.row.groups.back().end < 4)
+            desk.row.groups.back().end = g + 1;
         else
-            desk.groups.push_back({g, g + 1});
+            desk.row.groups.push_back({g, g + 1});
     }
 }
 
@@ -177,16 +177,16 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     // A line more on either side, for the cells that reach into the row.
     if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
         for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
-        desk.groups = {{0, s.range.size() / knot}};
-        desk.touched.assign(static_cast<std::size_t>(s.range.size() / knot), blocks.minors);
+        desk.row.groups = {{0, s.range.size() / knot}};
+        desk.row.touched.assign(static_cast<std::size_t>(s.range.size() / knot), blocks.minors);
         return;
     }
     const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
                    far = form(side, grid_.distance(q, lines.end - 1) + 1);
     const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
     place_knots(side, far, {0, groups}, desk);
-    std::swap(desk.at, desk.far_at);
-    std::swap(desk.lift, desk.far_lift);
+    std::swap(desk.fan.at, desk.row.far_at);
+    std::swap(desk.fan.lift, desk.row.far_lift);
     place_knots(side, near, {0, groups}, desk);
     // Spokes beyond the fan are nobody's; nor are those that doublings brought beyond it, of which the last has one parent.
     const Interval carried =
@@ -207,9 +207,9 @@ Interval Cover::looked_at_part(std::int64_t row, const Desk& desk) {
     Interval found;
     for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
         if (blocks.skip[blocks.at(row, j)] == Skip::none) found = hull(found, {j, j + 1});
-    for (const Interval& part : desk.groups)
+    for (const Interval& part : desk.row.groups)
         for (std::int64_t g = part.begin; g < part.end; ++g)
-            found = hull(found, desk.touched[static_cast<std::size_t>(g)]);
+            found = hull(found, desk.row.touched[static_cast<std::size_t>(g)]);
     constexpr std::int64_t beside = 4;
     return found.empty() ? found : Interval{found.begin * block_posts - beside, found.end * block_posts + beside};
 }

@@ -28,12 +28,8 @@ WEDGESCOPE_LANES_PART Polynomials factors(double along, double inverse_along, do
     return p;
 }
 
-WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
-    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
-}
-
 WEDGESCOPE_LANES_PART double place(const LineForm& line, const PieceForm& piece, double m, double u) noexcept {
-    return line.nadir_minor + m * line.distance + horner(piece.bend, u);
+    return line.nadir_minor + m * line.distance + quartic_at(piece.bend, u);
 }
 
 /// n, spokes and first as spoke_fan() has them.
@@ -65,7 +61,7 @@ WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& p
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double m = slope[i], u = (m - curve.middle) * curve.scale;
-        const double wide = straight ? 1 : 1 + horner(curve.stretch, u);
+        const double wide = straight ? 1 : 1 + quartic_at(curve.stretch, u);
         const Polynomials p =
             factors(form.distance * wide, straight ? inverse : inverse / wide, wide, turn[i], curvature[i]);
         at[i] = straight ? form.nadir_minor + m * form.distance : place(form, curve, m, u);
@@ -75,7 +71,7 @@ WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& p
 }
 
 WEDGESCOPE_LANES_PART bool is_straight(const PieceForm& piece) noexcept {
-    const std::array<double, 5> none{};
+    const Quartic none{};
     return piece.bend == none && piece.stretch == none;
 }
 
@@ -94,17 +90,17 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
     double* __restrict at = out.at, * __restrict slope = out.slope, * __restrict along = out.along;
     float* __restrict lift = out.lift, * __restrict drop = out.drop, * __restrict ray = out.ray, * __restrict rise = out.rise;
     const double* __restrict place = minor;
-    const std::array<double, 5> derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
-                                              3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
+    const Quartic derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
+                                3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
     const double middle = piece.middle, scale = piece.scale, distance = line.distance;
-    const std::array<double, 5> bend = piece.bend, stretch = piece.stretch;
+    const Quartic bend = piece.bend, stretch = piece.stretch;
     const LineForm form = line;
     // Not far from the piece, beyond which its polynomials lead anywhere.
     const double least = middle - 1.25 / scale, most = middle + 1.25 / scale;
     const auto inside = [=](double m) __attribute__((always_inline)) { return m < least ? least : m > most ? most : m; };
     const auto better = [=](double m, double t) __attribute__((always_inline)) {
         const double u = (m - middle) * scale;
-        return inside(m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u)));
+        return inside(m - (m * distance + quartic_at(bend, u) - t) / (distance + quartic_at(derivative, u)));
     };
     const double inverse = 1 / distance;
     WEDGESCOPE_INDEPENDENT
@@ -113,7 +109,7 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
         double m = t * inverse;
         // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
         if (!straight) m = better(better(better(better(inside(m), t), t), t), t);
-        const double wide = straight ? 1 : 1 + horner(stretch, (m - middle) * scale);
+        const double wide = straight ? 1 : 1 + quartic_at(stretch, (m - middle) * scale);
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
         along[i] = distance * wide;

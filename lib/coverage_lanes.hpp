@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "lib/lanes.hpp"
+#include "lib/quartic.hpp"
 
 namespace wedgescope {
 
@@ -80,7 +81,7 @@ inline double bow_per_slope(const LineForm& line) { return 0.5 * line.distance *
 /// Part of a line on which bend and stretch are one polynomial (SpokeMap::LinePiece).
 struct PieceForm {
     double middle = 0, scale = 1;
-    std::array<double, 5> bend{}, stretch{};
+    Quartic bend{}, stretch{};
 };
 
 /// What spokes first, first + 16, ... of K have on every line: k / K, f^2 / Re^2, f^2 / Re.

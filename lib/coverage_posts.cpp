@@ -20,11 +20,6 @@ double secant_of(const std::array<double, 3>& square, double along_m, double acr
     return std::sqrt(1 + steep);
 }
 
-/// Of a post in a window's layers, row after row.
-std::size_t place_in(const Window& window, std::int64_t column, std::int64_t row) {
-    return static_cast<std::size_t>((row - window.rows.begin) * window.columns.size() + column - window.columns.begin);
-}
-
 float degrees_of_sine(double sine) {
     return static_cast<float>(rounded(std::asin(std::clamp(sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
 }
@@ -36,13 +31,13 @@ bool Cover::post_below() const {
     const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
     const bool on_post = static_cast<double>(c) == scene_.nadir.column && static_cast<double>(r) == scene_.nadir.row;
     const Window& patch = scene_.nadir_patch.window;
-    return on_post && r >= 0 && r < db_.rows && patch.columns.contains(c) && patch.rows.contains(r);
+    return on_post && r >= 0 && r < db_.rows && patch.contains(c, r);
 }
 
 void Cover::put_nadir(Strip& strip) {
     if (!post_below()) return;
     const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
-    const float z = scene_.nadir_patch.surface_m[place_in(scene_.nadir_patch.window, c, r)];
+    const float z = scene_.nadir_patch.surface_m[scene_.nadir_patch.window.at(c, r)];
     // A void lies at the height of reference, as in finish_line().
     const double above_m = scene_.sensor_m - (z == z ? static_cast<double>(z) : scene_.reference_m) - params_.target_m;
     const double depression_deg = above_m < 0 ? -90 : 90;  // a target may stand above the sensor
@@ -73,11 +68,11 @@ void Cover::put_nadir(Strip& strip) {
                 value = static_cast<float>(depression_deg);
         }
     }
-    for (std::int64_t column : same_columns(real_column(c))) {
+    for (std::int64_t column : same_columns(db_.real_column(c))) {
         CoverageTiles::Tile& tile = *strip.tiles.at({r / tile_edge, column / tile_edge});
         const std::int64_t at = (r % tile_edge) * tile_edge + column % tile_edge;
         if (bytes_)
-            tiles_.buffer<std::uint8_t>(tile)[at] = byte_of(static_cast<std::uint8_t>(state));
+            tiles_.buffer<std::uint8_t>(tile)[at] = byte_of(state);
         else
             tiles_.buffer<float>(tile)[at] = value;
         ++desks_.local().states[static_cast<std::size_t>(state)];
@@ -88,8 +83,8 @@ void Cover::put_nadir(Strip& strip) {
 Cover::Facet Cover::nadir_facet(std::int64_t column, std::int64_t row, double above_m) const {
     const auto height = [&](std::int64_t c, std::int64_t r) {
         const Window& patch = scene_.nadir_patch.window;
-        if (!patch.columns.contains(c) || !patch.rows.contains(r)) return std::numeric_limits<double>::quiet_NaN();
-        return static_cast<double>(scene_.nadir_patch.surface_m[place_in(patch, c, r)]);
+        if (!patch.contains(c, r)) return std::numeric_limits<double>::quiet_NaN();
+        return static_cast<double>(scene_.nadir_patch.surface_m[patch.at(c, r)]);
     };
     const double z = height(column, row);
     const auto slope = [z](double before, double after) {
@@ -107,7 +102,7 @@ float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_
     const Chunk& patch = scene_.nadir_patch;
     desk.culture_m = {};
     if (!patch.culture_height_m.empty()) {
-        desk.culture_m = std::span(patch.culture_height_m).subspan(place_in(patch.window, column, row), 1);
+        desk.culture_m = std::span(patch.culture_height_m).subspan(patch.window.at(column, row), 1);
         desk.culture_begin = row;
     }
     const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};
@@ -171,7 +166,7 @@ public:
     View(const Cover& cover, const Side& side, Desk& desk, const float* heights, Interval posts)
         : cover_(cover), side_(side), desk_(desk), limits_(cover.with_range_ && !posts.empty()) {
         if (posts.empty()) return;
-        const auto [least, most] = std::minmax_element(desk.post_slope.begin(), desk.post_slope.begin() + knots());
+        const auto [least, most] = std::minmax_element(desk.posts.slope.begin(), desk.posts.slope.begin() + knots());
         all_.slopes = {*least, *most};
         if (!limits_) return;
         double lowest = cover.scene_.reference_m, highest = lowest;
@@ -186,13 +181,13 @@ public:
                 highest = z > highest ? z : highest;
             }
         }
-        desk.post_arc.resize(desk.post_groups + 1);
-        for (std::size_t g = 0; g <= desk.post_groups; ++g)
-            desk.post_arc[g] = desk.post_along[g] * std::sqrt(quadratic(side.square, desk.post_slope[g]));
+        desk.posts.arc.resize(desk.posts.groups + 1);
+        for (std::size_t g = 0; g <= desk.posts.groups; ++g)
+            desk.posts.arc[g] = desk.posts.along[g] * std::sqrt(quadratic(side.square, desk.posts.slope[g]));
         double apart = 0;
-        for (std::size_t g = 0; g < desk.post_groups; ++g)
-            apart = std::max(apart, std::abs(desk.post_arc[g + 1] - desk.post_arc[g]));
-        const auto [nearest, farthest] = std::minmax_element(desk.post_arc.begin(), desk.post_arc.end());
+        for (std::size_t g = 0; g < desk.posts.groups; ++g)
+            apart = std::max(apart, std::abs(desk.posts.arc[g + 1] - desk.posts.arc[g]));
+        const auto [nearest, farthest] = std::minmax_element(desk.posts.arc.begin(), desk.posts.arc.end());
         // Between two knots: twice the way from one to the next, by the metric at the sensor and, as near a pole posts stand farther
         // apart elsewhere, by what these knots have.
         between_m_ = 2 * std::max(1.25 * static_cast<double>(knot) * std::sqrt(side.square[2]), 2 * apart);
@@ -209,10 +204,10 @@ public:
     Part whole() const { return judge(all_); }
     /// Of the posts between two knots.
     Part part(std::size_t g) const {
-        const auto [least, most] = std::minmax(desk_.post_slope[g], desk_.post_slope[g + 1]);
+        const auto [least, most] = std::minmax(desk_.posts.slope[g], desk_.posts.slope[g + 1]);
         Bounds bounds{{least, most}, {}};
         if (limits_) {
-            const auto [nearer, farther] = std::minmax(desk_.post_arc[g], desk_.post_arc[g + 1]);
+            const auto [nearer, farther] = std::minmax(desk_.posts.arc[g], desk_.posts.arc[g + 1]);
             bounds.arcs = {std::max(0.0, farther - between_m_), nearer + between_m_};
         }
         return judge(bounds);
@@ -225,7 +220,7 @@ private:
     struct Bounds {
         Between slopes, arcs;
     };
-    std::ptrdiff_t knots() const { return static_cast<std::ptrdiff_t>(desk_.post_groups) + 1; }
+    std::ptrdiff_t knots() const { return static_cast<std::ptrdiff_t>(desk_.posts.groups) + 1; }
     Part judge(const Bounds& of) const {
         const Scene& scene = cover_.scene_.scene;
         bool all = true;
@@ -344,9 +339,9 @@ private:
 
     Post post_at(std::int64_t minor) const {
         const auto group = static_cast<std::size_t>((minor - first_knot_) / knot);
-        const double width = desk_.from[group + 1] - desk_.from[group];
+        const double width = desk_.posts.minor[group + 1] - desk_.posts.minor[group];
         return {minor, static_cast<std::size_t>(minor - posts_.begin), group,
-                width > 0 ? (static_cast<double>(minor) - desk_.from[group]) / width : 0};
+                width > 0 ? (static_cast<double>(minor) - desk_.posts.minor[group]) / width : 0};
     }
     /// Of the post itself where posts stand by themselves; else between the knots beside it.
     double of_post(const Post& post, const std::vector<double>& each, const std::vector<double>& knots) const {
@@ -357,7 +352,7 @@ private:
     /// f tan e of the highest that may stand in the voids before a post.
     float void_tangent(const Post& post) const {
         const Spokes& spokes = desk_.spokes;
-        const double k = of_post(post, desk_.each_at, desk_.post_at) - static_cast<double>(spokes.range.begin);
+        const double k = of_post(post, desk_.each.at, desk_.posts.at) - static_cast<double>(spokes.range.begin);
         const auto at = static_cast<std::size_t>(std::clamp<std::int64_t>(floor_i(k), 0, spokes.range.size() - 2));
         const float f = static_cast<float>(k - static_cast<double>(at)), a = spokes.voids.tangent[at],
                     b = spokes.voids.tangent[at + 1];
@@ -365,8 +360,8 @@ private:
     }
 
     Look look_to(const Post& post) const {
-        const double slope = of_post(post, desk_.each_slope, desk_.post_slope),
-                     along = of_post(post, desk_.each_along, desk_.post_along);
+        const double slope = of_post(post, desk_.each.slope, desk_.posts.slope),
+                     along = of_post(post, desk_.each.along, desk_.posts.along);
         const double squared = quadratic(side_.square, slope), bent = quadratic(side_.curvature, slope);
         const double inverse_radius = bent / squared, arc = along * std::sqrt(squared);
         // A void's place in range is that of the level surface at the reference height.
@@ -434,8 +429,8 @@ private:
             std::copy(from, from + n, bytes_);
         else
             paint_mask(from, n,
-                       {cover_.byte_of(no_data), cover_.byte_of(shadow), cover_.byte_of(seen), cover_.byte_of(unknown),
-                        cover_.byte_of(outside)},
+                       {cover_.byte_of(State::no_data), cover_.byte_of(State::shadow), cover_.byte_of(State::seen),
+                        cover_.byte_of(State::unknown), cover_.byte_of(State::outside)},
                        bytes_);
     }
 

@@ -50,9 +50,7 @@ void copy_spokes(const Spokes& from, Spokes& to, Interval common) {
     take(from.voids.drop, to.voids.drop);
 }
 
-std::uint8_t state_of(Skip why) {
-    return static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
-}
+State state_of(Skip why) { return why == Skip::voids ? State::no_data : State::shadow; }
 
 }  // namespace
 
@@ -198,8 +196,8 @@ void Cover::Run::find_window() {
     double lo = std::numeric_limits<double>::infinity(), hi = -lo;
     for (std::int64_t line : {lines_.begin, lines_.end - 1}) {
         cover_.place_knots(side_, cover_.form(side_, grid.distance(quadrant_, line)), every_group(), desk_);
-        lo = std::min(lo, *std::min_element(desk_.at.begin(), desk_.at.end()));
-        hi = std::max(hi, *std::max_element(desk_.at.begin(), desk_.at.end()));
+        lo = std::min(lo, *std::min_element(desk_.fan.at.begin(), desk_.fan.at.end()));
+        hi = std::max(hi, *std::max_element(desk_.fan.at.begin(), desk_.fan.at.end()));
     }
     const std::int64_t sag = ceil_i(cover_.map_.sag(quadrant_, static_cast<double>(lines_.size())));
     window_ = intersection({floor_i(lo) - 4 - sag, ceil_i(hi) + 5 + sag}, side_.minor);
@@ -375,7 +373,7 @@ bool Cover::Run::add_spokes(std::int64_t line) {
     while (spokes_.of < wanted) {
         double_spokes(spokes_, desk_.scratch);
         core_ = {2 * core_.begin, 2 * core_.end};
-        for (Interval& groups : desk_.groups) groups = {2 * groups.begin, 2 * groups.end};
+        for (Interval& groups : desk_.row.groups) groups = {2 * groups.begin, 2 * groups.end};
     }
     place_fan(side_, desk_);
     return true;
@@ -384,20 +382,21 @@ bool Cover::Run::add_spokes(std::int64_t line) {
 /// Where they cross the line, and the one behind it where that counts: those that may rise here, which are returned.
 const std::vector<Interval>& Cover::Run::place_spokes(std::int64_t line, const LineForm& here, bool moved, bool cross,
                                                       bool next_row) {
-    desk_.every_group = {every_group()};
+    desk_.row.every_group = {every_group()};
     const bool everywhere = blocks_.empty() || cover_.voids_ || (cross && next_row);
-    const std::vector<Interval>& groups = everywhere ? desk_.every_group : desk_.groups;
+    const std::vector<Interval>& groups = everywhere ? desk_.row.every_group : desk_.row.groups;
     if (cross || cover_.voids_) {
         if (line > 0 && (moved || next_row))
             for (const Interval& part : groups)
                 cover_.place_knots(side_, cover_.form(side_, here.distance - 1), part, desk_);
-        std::swap(desk_.at, desk_.at_behind);
+        std::swap(desk_.fan.at, desk_.fan.at_behind);
     }
     for (const Interval& part : groups) cover_.place_knots(side_, here, part, desk_);
     if (line == 0 && cross) {
         // The line behind lies behind the sensor.
-        desk_.at_behind.resize(desk_.at.size());
-        for (std::size_t i = 0; i < desk_.at.size(); ++i) desk_.at_behind[i] = desk_.at[i] - desk_.slope[i];
+        desk_.fan.at_behind.resize(desk_.fan.at.size());
+        for (std::size_t i = 0; i < desk_.fan.at.size(); ++i)
+            desk_.fan.at_behind[i] = desk_.fan.at[i] - desk_.fan.slope[i];
     }
     return groups;
 }
@@ -420,15 +419,16 @@ void Cover::Run::test_posts(std::int64_t line, const LineForm& here, Interval po
         const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
         if (why != Skip::none) {
             did_.posts_passed += static_cast<std::uint64_t>(part.size());
-            const std::uint8_t state = state_of(why);
+            const State state = state_of(why);
             if (!cover_.with_posts_) {
-                desk_.states[state] +=
+                desk_.states[static_cast<std::size_t>(state)] +=
                     static_cast<std::uint64_t>(part.size() + cover_.repeated(quadrant_, index, part).size());
                 if (blank) continue;
                 std::fill_n(desk_.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), cover_.byte_of(state));
                 continue;
             }
-            std::fill_n(desk_.state.begin() + (part.begin - window_.begin + line_margin), part.size(), state);
+            std::fill_n(desk_.state.begin() + (part.begin - window_.begin + line_margin), part.size(),
+                        static_cast<std::uint8_t>(state));
         }
         cover_.place_posts(side_, here, spokes_.of, strip_.own[l], part, desk_);
         if (why == Skip::none) cover_.test_part(here, spokes_, part, window_, desk_);
@@ -447,13 +447,13 @@ void Cover::Run::raise_spokes(const LineForm& here, const std::vector<Interval>&
     for (const Interval& part : groups) {
         // Groups that touch the window; the others meet no ground.
         auto g = static_cast<std::size_t>(part.begin), end = static_cast<std::size_t>(part.end);
-        while (g < end && desk_.at[g + 1] <= static_cast<double>(window_.begin - 1)) ++g;
-        while (end > g && desk_.at[end - 1] >= static_cast<double>(window_.end)) --end;
+        while (g < end && desk_.fan.at[g + 1] <= static_cast<double>(window_.begin - 1)) ++g;
+        while (end > g && desk_.fan.at[end - 1] >= static_cast<double>(window_.end)) --end;
         raise.groups = end - g;
-        raise.at = desk_.at.data() + g;
-        raise.at_behind = between != Between::nothing ? desk_.at_behind.data() + g : raise.at;
-        raise.lift = desk_.lift.data() + g;
-        raise.drop = desk_.drop.data() + g;
+        raise.at = desk_.fan.at.data() + g;
+        raise.at_behind = between != Between::nothing ? desk_.fan.at_behind.data() + g : raise.at;
+        raise.lift = desk_.fan.lift.data() + g;
+        raise.drop = desk_.fan.drop.data() + g;
         raise.horizon = spokes_.horizon.data() + g * knot_step;
         raise_lanes(raise, cover_.lift_, between);
     }

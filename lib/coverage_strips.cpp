@@ -97,7 +97,9 @@ Interval Cover::widest_fan(const Side& side, std::int64_t line) const {
 /// Of these, what does not belong to east and west.
 Interval Cover::own_of_row(const Side& side, std::int64_t line) const {
     const std::int64_t row = grid_.line_index(side.quadrant, line);
-    const auto theirs = [&](std::int64_t c) { return own_[static_cast<std::size_t>(real_column(c))].contains(row); };
+    const auto theirs = [&](std::int64_t c) {
+        return own_[static_cast<std::size_t>(db_.real_column(c))].contains(row);
+    };
     Interval fan = widest_fan(side, line);
     while (!fan.empty() && theirs(fan.begin)) ++fan.begin;
     while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
@@ -166,7 +168,7 @@ void Cover::own_east_west() {
         Interval last;
         for (std::int64_t line = 0; line < side.lines; ++line) {
             last = rows(line);
-            const std::int64_t column = real_column(grid_.line_index(q, line));
+            const std::int64_t column = db_.real_column(grid_.line_index(q, line));
             own_[static_cast<std::size_t>(column)] = last;
         }
     }
@@ -290,7 +292,7 @@ void Cover::prepare(Strip& strip) {
         // The strip's columns lie in one tile of the raster, or in two where it closes the circle.
         std::map<std::int64_t, std::vector<std::int64_t>> posts;  // by column of tiles: of each of its tiles
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
-            const std::int64_t column = real_column(grid_.line_index(q, line));
+            const std::int64_t column = db_.real_column(grid_.line_index(q, line));
             const Interval rows = own_[static_cast<std::size_t>(column)];
             strip.own[static_cast<std::size_t>(line - lines.begin)] = rows;
             for (std::int64_t c : same_columns(column)) {
@@ -316,9 +318,9 @@ void Cover::prepare(Strip& strip) {
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
             const Interval fan = own_of_row(side, line);
             strip.own[static_cast<std::size_t>(line - lines.begin)] = fan;
-            for (std::int64_t c = fan.begin; c < fan.end; c += tile_edge - real_column(c) % tile_edge)
-                for (std::int64_t same : same_columns(real_column(c))) cross(same);
-            if (!fan.empty()) cross(real_column(fan.end - 1));
+            for (std::int64_t c = fan.begin; c < fan.end; c += tile_edge - db_.real_column(c) % tile_edge)
+                for (std::int64_t same : same_columns(db_.real_column(c))) cross(same);
+            if (!fan.empty()) cross(db_.real_column(fan.end - 1));
         }
         for (std::size_t tc = 0; tc < by_column.size(); ++tc)
             if (by_column[tc]) crossed.emplace_back(strip.tile, static_cast<std::int64_t>(tc));
@@ -331,7 +333,7 @@ void Cover::prepare(Strip& strip) {
     }
     const bool nadir = q == Quadrant::south && indices.contains(floor_i(scene_.nadir.row));
     if (nadir)
-        for (std::int64_t c : same_columns(real_column(floor_i(scene_.nadir.column))))
+        for (std::int64_t c : same_columns(db_.real_column(floor_i(scene_.nadir.column))))
             if (c >= 0 && c < db_.columns) crossed.emplace_back(strip.tile, c / tile_edge);
     std::sort(crossed.begin(), crossed.end());
     crossed.erase(std::unique(crossed.begin(), crossed.end()), crossed.end());

@@ -14,28 +14,29 @@ LineForm Cover::form(const Side& side, double distance) const {
 void Cover::place_fan(const Side& side, Desk& desk) {
     const Spokes& s = desk.spokes;
     const auto all = static_cast<std::size_t>(s.range.size() / knot + 1);
-    for (auto* v : {&desk.slope, &desk.turn, &desk.curvature}) v->resize(all);
+    for (auto* v : {&desk.fan.slope, &desk.fan.turn, &desk.fan.curvature}) v->resize(all);
     const LineForm any{1, 0, side.square, side.curvature};
-    spoke_fan(any, s.of, s.range.begin, all, {desk.slope.data(), desk.turn.data(), desk.curvature.data()});
+    spoke_fan(any, s.of, s.range.begin, all, {desk.fan.slope.data(), desk.fan.turn.data(), desk.fan.curvature.data()});
 }
 
 /// Knots of some groups of the desk's spokes, where they stand among all of them.
 void Cover::place_knots(const Side& side, const LineForm& line, Interval groups, Desk& desk) const {
-    const std::size_t all = desk.slope.size();
-    desk.at.resize(all);
-    desk.lift.resize(all);
-    desk.drop.resize(all);
+    const std::size_t all = desk.fan.slope.size();
+    desk.fan.at.resize(all);
+    desk.fan.lift.resize(all);
+    desk.fan.drop.resize(all);
     auto i = static_cast<std::size_t>(groups.begin);
     const auto n = static_cast<std::size_t>(groups.end) + 1;
-    map_.line(side.quadrant, line.distance, desk.slope[i], desk.slope[n - 1], desk.pieces);
+    map_.line(side.quadrant, line.distance, desk.fan.slope[i], desk.fan.slope[n - 1], desk.pieces);
     for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
         const SpokeMap::LinePiece& piece = desk.pieces[p];
         std::size_t end = n;
         if (p + 1 < desk.pieces.size())
-            for (end = i; end < n && desk.slope[end] < piece.slope_end;) ++end;
-        spoke_knots(
-            line, piece_form(piece), {desk.slope.data() + i, desk.turn.data() + i, desk.curvature.data() + i}, end - i,
-            {desk.at.data() + i, nullptr, nullptr, desk.lift.data() + i, desk.drop.data() + i, nullptr, nullptr});
+            for (end = i; end < n && desk.fan.slope[end] < piece.slope_end;) ++end;
+        spoke_knots(line, piece_form(piece),
+                    {desk.fan.slope.data() + i, desk.fan.turn.data() + i, desk.fan.curvature.data() + i}, end - i,
+                    {desk.fan.at.data() + i, nullptr, nullptr, desk.fan.lift.data() + i, desk.fan.drop.data() + i,
+                     nullptr, nullptr});
         i = end;
     }
 }
@@ -44,20 +45,20 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
                         Desk& desk) {
     const std::int64_t first = floor_to(posts.begin, knot), groups = (floor_to(posts.end - 1, knot) - first) / knot + 1;
     const auto n = static_cast<std::size_t>(groups + 1);
-    desk.post_groups = static_cast<std::size_t>(groups);
+    desk.posts.groups = static_cast<std::size_t>(groups);
     const auto make_room = [n](auto& v) {
         if (v.size() < n) v.resize(n);
     };
-    for (auto* v : {&desk.from, &desk.post_at, &desk.post_slope, &desk.post_along}) make_room(*v);
-    for (auto* v : {&desk.post_lift, &desk.post_drop, &desk.post_ray, &desk.post_rise}) make_room(*v);
+    for (auto* v : {&desk.posts.minor, &desk.posts.at, &desk.posts.slope, &desk.posts.along}) make_room(*v);
+    for (auto* v : {&desk.posts.lift, &desk.posts.drop, &desk.posts.ray, &desk.posts.rise}) make_room(*v);
     const double begin = static_cast<double>(first), least = static_cast<double>(own.begin),
                  most = static_cast<double>(own.end - 1);
-    double* from = desk.from.data();
+    double* from = desk.posts.minor.data();
     for (int i = 0; i < static_cast<int>(n); ++i)
         from[i] = std::min(std::max(begin + static_cast<double>(i * static_cast<int>(knot)), least), most);
-    solve_posts(side, line, k, {desk.from.data(), n}, desk,
-                {desk.post_at.data(), desk.post_slope.data(), desk.post_along.data(), desk.post_lift.data(),
-                 desk.post_drop.data(), desk.post_ray.data(), desk.post_rise.data()});
+    solve_posts(side, line, k, {desk.posts.minor.data(), n}, desk,
+                {desk.posts.at.data(), desk.posts.slope.data(), desk.posts.along.data(), desk.posts.lift.data(),
+                 desk.posts.drop.data(), desk.posts.ray.data(), desk.posts.rise.data()});
 }
 
 /// Of places of a line, in order.
@@ -71,8 +72,7 @@ void Cover::solve_posts(const Side& side, const LineForm& line, std::int64_t k, 
         std::size_t end = n;
         if (p + 1 < desk.pieces.size()) {
             const double u = (piece.slope_end - piece.middle) * piece.scale;
-            const double border = line.nadir_minor + piece.slope_end * line.distance + piece.bend[0] +
-                                  u * (piece.bend[1] + u * (piece.bend[2] + u * (piece.bend[3] + u * piece.bend[4])));
+            const double border = line.nadir_minor + piece.slope_end * line.distance + quartic_at(piece.bend, u);
             for (end = i; end < n && minor[end] < border;) ++end;
         }
         post_knots(line, piece_form(piece), k, minor.data() + i, end - i, out.from(i));
@@ -83,11 +83,11 @@ void Cover::solve_posts(const Side& side, const LineForm& line, std::int64_t k, 
 /// Slope and way of each post, where those between two knots are off by too much.
 void Cover::place_each(const Side& side, const LineForm& line, Interval posts, Desk& desk) const {
     const auto n = static_cast<std::size_t>(posts.size());
-    for (auto* v : {&desk.each_minor, &desk.each_at, &desk.each_slope, &desk.each_along})
+    for (auto* v : {&desk.each.minor, &desk.each.at, &desk.each.slope, &desk.each.along})
         if (v->size() < n) v->resize(n);
-    for (std::size_t i = 0; i < n; ++i) desk.each_minor[i] = static_cast<double>(posts.begin) + static_cast<double>(i);
-    solve_posts(side, line, desk.spokes.of, {desk.each_minor.data(), n}, desk,
-                {desk.each_at.data(), desk.each_slope.data(), desk.each_along.data()});
+    for (std::size_t i = 0; i < n; ++i) desk.each.minor[i] = static_cast<double>(posts.begin) + static_cast<double>(i);
+    solve_posts(side, line, desk.spokes.of, {desk.each.minor.data(), n}, desk,
+                {desk.each.at.data(), desk.each.slope.data(), desk.each.along.data()});
 }
 
 double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const {
@@ -107,7 +107,7 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
     for (std::size_t i = 0; i < s.count(); ++i) {
         const std::size_t g = i / knot_step;
         const double part = static_cast<double>(i % knot_step) / knot_step;
-        const double y = desk.at[g] + part * (desk.at[g + 1] - desk.at[g]);
+        const double y = desk.fan.at[g] + part * (desk.fan.at[g + 1] - desk.fan.at[g]);
         const std::int64_t c = floor_i(y), next = y > static_cast<double>(c) ? c + 1 : c;
         if (!inside(c) || !inside(next)) continue;  // ground outside the data base hides nothing
         const auto is_void = [](float z) { return z != z; };
@@ -115,14 +115,14 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
         float& top = s.voids.top[i];
         const bool open = top == top && (top > -std::numeric_limits<float>::infinity() || s.voids.lift[i] > 0);
         if (!now && !open) continue;
-        const float lift = desk.lift[g] + static_cast<float>(part) * (desk.lift[g + 1] - desk.lift[g]),
-                    drop = desk.drop[g] + static_cast<float>(part) * (desk.drop[g + 1] - desk.drop[g]);
+        const float lift = desk.fan.lift[g] + static_cast<float>(part) * (desk.fan.lift[g + 1] - desk.fan.lift[g]),
+                    drop = desk.fan.drop[g] + static_cast<float>(part) * (desk.fan.drop[g + 1] - desk.fan.drop[g]);
         if (!open) s.voids.lift[i] = lift, s.voids.drop[i] = drop;
         // The corners of the cells on the way from the line behind: of one that it leaves by a side those too between which it
         // passes neither line.
         std::int64_t first = c, last = next;
         if (behind) {
-            const double y0 = desk.at_behind[g] + part * (desk.at_behind[g + 1] - desk.at_behind[g]);
+            const double y0 = desk.fan.at_behind[g] + part * (desk.fan.at_behind[g + 1] - desk.fan.at_behind[g]);
             const std::int64_t b = floor_i(y0);
             first = std::min(first, b);
             last = std::max(last, y0 > static_cast<double>(b) ? b + 1 : b);
@@ -147,15 +147,15 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
 /// Posts of a line, whose knots stand on the desk, test themselves.
 void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const {
     TestLanes test{};
-    test.groups = desk.post_groups;
+    test.groups = desk.posts.groups;
     test.origin = window.begin - line_margin;
     test.first = floor_to(posts.begin, knot);
-    test.from = desk.from.data();
-    test.at = desk.post_at.data();
-    test.lift = desk.post_lift.data();
-    test.drop = desk.post_drop.data();
-    test.ray = desk.post_ray.data();
-    test.rise = desk.post_rise.data();
+    test.from = desk.posts.minor.data();
+    test.at = desk.posts.at.data();
+    test.lift = desk.posts.lift.data();
+    test.drop = desk.posts.drop.data();
+    test.ray = desk.posts.ray.data();
+    test.rise = desk.posts.rise.data();
     test.nadir = line.nadir_minor;
     test.distance = line.distance;
     test.bow = bow_per_slope(line) / (static_cast<double>(s.of) * static_cast<double>(s.of));
@@ -182,7 +182,7 @@ void Cover::copy_out(const Strip& strip, Interval window, Desk& desk) {
     const auto copy = [&]<class T>(const T* from) {
         // All tiles of a strip lie beside one another, but where it closes the circle.
         const std::int64_t first = grid_.line_index(side.quadrant, lines.begin),
-                           across = tile_of(columns ? real_column(first) : first);
+                           across = tile_of(columns ? db_.real_column(first) : first);
         std::vector<T*> along(static_cast<std::size_t>(tile_of((columns ? db_.rows : db_.columns) - 1) + 1));
         const auto tile = [&](std::int64_t row, std::int64_t column) {
             const CoverageTiles::Key key{row / tile_edge, column / tile_edge};
@@ -251,7 +251,7 @@ void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::s
                     if (part.empty()) continue;
                     const T* cells = source(i, part.begin);
                     for (std::int64_t column :
-                         same_columns(real_column(grid_.line_index(side.quadrant, lines.begin + i)))) {
+                         same_columns(db_.real_column(grid_.line_index(side.quadrant, lines.begin + i)))) {
                         T* cell = tile(row, column) + (part.begin % tile_edge) * tile_edge + column % tile_edge;
                         for (std::int64_t j = 0; j < part.size(); ++j) cell[j * tile_edge] = cells[j];
                     }
@@ -272,7 +272,7 @@ void Cover::copy_rows(const Side& side, Interval lines, const T* from, std::size
         const std::int64_t index = grid_.line_index(side.quadrant, lines.begin + l),
                            row = (index % tile_edge) * tile_edge;
         for (std::int64_t j = own.begin; j < own.end;) {
-            const std::int64_t real = real_column(j);
+            const std::int64_t real = db_.real_column(j);
             std::int64_t end = std::min(own.end, j + tile_edge - real % tile_edge);
             if (db_.cyclic) end = std::min(end, j + db_.cycle_columns - real);
             std::copy(source + (j - own.begin), source + (end - own.begin), tile(index, real) + row + real % tile_edge);

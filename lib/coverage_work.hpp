@@ -160,25 +160,49 @@ struct Job {
     std::size_t run = 0;
 };
 
+/// Which groups of spokes something of a row of blocks may raise.
+struct RowOfBlocks {
+    std::vector<float> least;     ///< of the horizons of each group
+    std::vector<double> block_w;  ///< how high the blocks' tops stand as a tangent counts it; inf: unknown
+    std::vector<double> far_at;   ///< FanKnots on its far border
+    std::vector<float> far_lift;
+    std::vector<Interval> touched;      ///< blocks, by each group
+    std::vector<std::uint8_t> quiet;    ///< groups that nothing of it raises
+    std::vector<Interval> groups;       ///< runs of the others
+    std::vector<Interval> every_group;  ///< all, as such a list
+};
+
+/// Of every knot-th spoke, one more than there are groups: what it has on every line, and what on one (lanes of spoke_fan() and
+/// spoke_knots()).
+struct FanKnots {
+    std::vector<double> slope, turn, curvature;
+    std::vector<double> at, at_behind;  ///< posts along a line, and along the one before
+    std::vector<float> lift, drop;
+};
+
+/// Of every knot-th post of a part of a line (lanes of post_knots()).
+struct PostKnots {
+    std::size_t groups = 0;     ///< knots less one; the vectors may be longer
+    std::vector<double> minor;  ///< the posts
+    std::vector<double> at, slope, along;
+    std::vector<double> arc;  ///< along the ground, where range limits the view
+    std::vector<float> lift, drop, ray, rise;
+};
+
+/// The same of single posts, where between knots a line is not straight enough.
+struct EachPost {
+    std::vector<double> minor, at, slope, along;
+};
+
 /// What a thread works in.
 struct Desk {
     Blocks blocks;
-    std::vector<float> least;     ///< of the horizons of each group of spokes
-    std::vector<double> block_w;  ///< of a row's blocks: how high their tops stand as a tangent counts it; inf: unknown
-    std::vector<Interval> touched;      ///< blocks of a row, by each group
-    std::vector<std::uint8_t> quiet;    ///< groups that nothing of it raises
-    std::vector<Interval> groups;       ///< runs of groups that something of the row of blocks may raise
-    std::vector<Interval> every_group;  ///< all, as such a list
+    RowOfBlocks row;
     Spokes spokes, scratch;
-    std::vector<float> line, behind;
-    std::vector<double> slope, turn, curvature;  ///< of the groups of `spokes`: FanLanes
-    std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
-    std::vector<double> each_minor, each_at, each_slope, each_along;  ///< of single posts of a line
-    std::vector<double> post_arc;  ///< along the ground to these, where range limits the view
-    std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*, which may be longer
-    std::vector<double> far_at;
-    std::vector<float> far_lift;
-    std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;
+    FanKnots fan;  ///< of `spokes`
+    PostKnots posts;
+    EachPost each;
+    std::vector<float> line, behind;  ///< heights of a window's posts, on a line and on the one before
     std::vector<std::uint8_t> state;
     std::vector<float> raise_m, tangent;
     std::vector<std::uint8_t> bytes;  ///< of a run's posts, line after line
@@ -236,7 +260,7 @@ public:
         for (Quadrant q : {Quadrant::south, Quadrant::north}) set_rows(q);
         // Most ground is hidden mostly, and what tiles begin as need not be painted.
         if (bytes_ && !with_posts_ && !params.reached_only) {
-            blank_ = all_owned() ? byte_of(static_cast<std::uint8_t>(State::shadow)) : outside_byte();
+            blank_ = all_owned() ? byte_of(State::shadow) : outside_byte();
             tiles_.begin_as(*blank_);
         }
     }
@@ -373,11 +397,6 @@ private:
     template <class T, class TileOf>
     void copy_rows(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
                    const Desk& desk) const;
-    std::int64_t real_column(std::int64_t c) const {
-        if (!db_.cyclic) return c;
-        const std::int64_t rest = c % db_.cycle_columns;
-        return rest < 0 ? rest + db_.cycle_columns : rest;
-    }
     /// A column, and the one that repeats it where the raster has one more than the circle.
     std::vector<std::int64_t> same_columns(std::int64_t real) const {
         if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns) return {real, db_.cycle_columns};
@@ -386,19 +405,25 @@ private:
     /// Of a line's posts those that the raster's last column, which repeats the first, has once more.
     Interval repeated(Quadrant q, std::int64_t index, Interval posts) const {
         if (!db_.cyclic || db_.columns == db_.cycle_columns) return {};
-        if (lines_are_columns(q)) return real_column(index) == 0 ? posts : Interval{};
-        const std::int64_t first = posts.end - 1 - real_column(posts.end - 1);  // the last one of the first column
+        if (lines_are_columns(q)) return db_.real_column(index) == 0 ? posts : Interval{};
+        const std::int64_t first = posts.end - 1 - db_.real_column(posts.end - 1);  // the last one of the first column
         return intersection({first, first + 1}, posts);
     }
-    std::uint8_t byte_of(std::uint8_t state) const {
-        if (params_.layer == CoverageLayer::states) return state;
-        const MaskValues& mask = params_.mask;
-        return state == 2 || state == 3 ? mask.seen
-               : state == 1             ? mask.hidden
-               : state == 0             ? mask.no_data
-                                        : mask.outside;
+    std::uint8_t byte_of(State state) const {
+        if (params_.layer == CoverageLayer::states) return static_cast<std::uint8_t>(state);
+        switch (state) {
+            case State::seen:
+            case State::unknown:
+                return params_.mask.seen;
+            case State::shadow:
+                return params_.mask.hidden;
+            case State::no_data:
+                return params_.mask.no_data;
+            default:
+                return params_.mask.outside;
+        }
     }
-    std::uint8_t outside_byte() const { return byte_of(static_cast<std::uint8_t>(State::outside)); }
+    std::uint8_t outside_byte() const { return byte_of(State::outside); }
     void put_nadir(Strip& strip);
 
     const ResolvedScene& scene_;

@@ -34,12 +34,11 @@ void Culture::open(const Window& posts, bool all) {
     const Window before = std::exchange(tiles_, tiles_under(db_, posts));
     std::vector<CultureCells> tiles(static_cast<std::size_t>(tiles_.posts()));
     bytes_ = 0;
-    const Interval columns = intersection(before.columns, tiles_.columns),
-                   rows = intersection(before.rows, tiles_.rows);
-    for (std::int64_t row = rows.begin; row < rows.end; ++row)
-        for (std::int64_t column = columns.begin; column < columns.end; ++column) {
-            CultureCells& tile = tiles[index(tiles_, column, row)];
-            tile = std::move(cells_[index(before, column, row)]);
+    const Window kept = intersection(before, tiles_);
+    for (std::int64_t row = kept.rows.begin; row < kept.rows.end; ++row)
+        for (std::int64_t column = kept.columns.begin; column < kept.columns.end; ++column) {
+            CultureCells& tile = tiles[tiles_.at(column, row)];
+            tile = std::move(cells_[before.at(column, row)]);
             bytes_ += tile.bytes();
         }
     cells_ = std::move(tiles);
@@ -62,8 +61,8 @@ void Culture::forget() {
 const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_row) {
     const std::int64_t column = tile_index(cell_column, db_.culture_tile_columns),
                        row = tile_index(cell_row, db_.culture_tile_rows);
-    const bool inside = tiles_.columns.contains(column) && tiles_.rows.contains(row);
-    CultureCells& tile = inside ? cells_[index(tiles_, column, row)] : beyond_;
+    const bool inside = tiles_.contains(column, row);
+    CultureCells& tile = inside ? cells_[tiles_.at(column, row)] : beyond_;
     const Window window = cells_of_tile(db_, column, row);
     if (tile.window != window) {
         if (!inside) bytes_ -= tile.bytes();

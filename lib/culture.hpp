@@ -32,20 +32,19 @@ public:
 
     /// The tile that a culture cell lies in; until the next one is asked for.
     const CultureCells& tile_of(std::int64_t cell_column, std::int64_t cell_row) {
-        if (last_ && last_->window.columns.contains(cell_column) && last_->window.rows.contains(cell_row))
-            return *last_;
+        if (last_ && last_->window.contains(cell_column, cell_row)) return *last_;
         return find(cell_column, cell_row);
     }
     /// Class of a culture cell; the default class beyond the culture raster and where there is none.
     ClassId at(std::int64_t cell_column, std::int64_t cell_row) {
         if (!db_.has_culture) return db_.default_class;
         const CultureCells& tile = tile_of(cell_column, cell_row);
-        return tile.classes[index(tile.window, cell_column, cell_row)];
+        return tile.classes[tile.window.at(cell_column, cell_row)];
     }
     /// Raw code of a cell whose class is unknown.
     std::int32_t code(std::int64_t cell_column, std::int64_t cell_row) {
         const CultureCells& tile = tile_of(cell_column, cell_row);
-        return tile.codes.empty() ? 0 : tile.codes[index(tile.window, cell_column, cell_row)];
+        return tile.codes.empty() ? 0 : tile.codes[tile.window.at(cell_column, cell_row)];
     }
 
     std::uint64_t bytes_read() const { return bytes_read_; }
@@ -59,9 +58,6 @@ public:
     std::size_t bytes() const { return bytes_; }
 
 private:
-    static std::size_t index(const Window& w, std::int64_t column, std::int64_t row) {
-        return static_cast<std::size_t>((row - w.rows.begin) * w.columns.size() + column - w.columns.begin);
-    }
     const CultureCells& find(std::int64_t cell_column, std::int64_t cell_row);
 
     const DataBase& db_;

@@ -185,8 +185,8 @@ namespace {
 constexpr std::size_t block = whole_registers(WedgeCells::Portions::most);
 static_assert(block == WedgeCells::Portions::most, "lanes are written whole");
 /// Whole numbers by adding 1.5 2^52, as long as they are below 2^51: rounds to nearest even, as lrint does.
-constexpr double magic = 6755399441055744.0;
-constexpr float most_magic = 0x1p50F;
+constexpr double rounding_bias = 0x1.8p52;
+constexpr float most_rounded = 0x1p50F;
 
 /// Portions that lie in at most three neighbouring bins, with what falls into each; the others are `slow`.
 struct Placed {
@@ -261,7 +261,7 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
                 whole = third_gamma[i];
             }
             const float a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;
-            const float good = fits * truth(bins < 3) * truth(whole * rough[i] < most_magic);
+            const float good = fits * truth(bins < 3) * truth(whole * rough[i] < most_rounded);
             one[i] = good > 0 ? a : 0.0F;
             two[i] = good > 0 ? b - a : 0.0F;  // 0 where there is no such bin
             three[i] = good > 0 ? whole - b : 0.0F;
@@ -274,8 +274,8 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
         std::int64_t* __restrict counts = out.counts[k];
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < n; ++i)
-            counts[i] = std::bit_cast<std::int64_t>(static_cast<double>(shares[i]) * scale[i] + magic) -
-                        std::bit_cast<std::int64_t>(magic);
+            counts[i] = std::bit_cast<std::int64_t>(static_cast<double>(shares[i]) * scale[i] + rounding_bias) -
+                        std::bit_cast<std::int64_t>(rounding_bias);
     }
 }
 

@@ -13,6 +13,7 @@
 
 #include "lib/display_lanes.hpp"
 #include "lib/error.hpp"
+#include "lib/length.hpp"
 #include "lib/pixel_fill.hpp"
 #include "lib/rounding.hpp"
 
@@ -20,7 +21,6 @@ namespace wedgescope {
 namespace {
 
 constexpr double full_turn = 2 * std::numbers::pi;
-constexpr double nautical_mile_m = 1852;
 
 constexpr double ring_grey = 96;  ///< added to the picture: seen on black, no more than a brighter trace on ground
 constexpr double edge_grey = 96;

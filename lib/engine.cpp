@@ -134,9 +134,9 @@ Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& pa
     SceneSource own(given, scene.scene);
     WedgeSource& source = *own;
     const SpokeSetting spokes(scene, source);
-    Plan wedges = plan(scene, source, spokes.grid, params, threads_of(params), true);
-    if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
-    return wedges;
+    Plan planned = plan(scene, source, spokes.grid, params, threads_of(params), true);
+    if (params.archive) check_only(params.only_wedges, planned.wedges.size());  // without one the split may be another
+    return planned;
 }
 
 namespace {
@@ -167,11 +167,11 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     Span survey(params.timeline, "survey", "stage");
     const Stopwatch watch;
     const RunSetting setting(scene, source, params.tables, weather.loss ? &*weather.loss : nullptr);
-    Plan wedges = plan(scene, source, setting.grid, params, threads);
-    check_only(params.only_wedges, wedges.wedges.size());
-    if (params.archive && params.archive->record_split(wedges.wedges) != wedges.wedges) {
-        wedges = plan(scene, source, setting.grid, params, threads);  // another process was first
-        check_only(params.only_wedges, wedges.wedges.size());
+    Plan planned = plan(scene, source, setting.grid, params, threads);
+    check_only(params.only_wedges, planned.wedges.size());
+    if (params.archive && params.archive->record_split(planned.wedges) != planned.wedges) {
+        planned = plan(scene, source, setting.grid, params, threads);  // another process was first
+        check_only(params.only_wedges, planned.wedges.size());
     }
     result.levels = setting.levels.any();
     result.sampling = setting.sampling;
@@ -183,24 +183,24 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     take_back(result.echo_state, result.state);
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
-    sweep_wedges(setting, source, wedges, params, threads, crew, result);
+    sweep_wedges(setting, source, planned, params, threads, crew, result);
     if (!params.beside_others) trim_freed_memory();  // what the wedges held is the images' now
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
         // Of the wedges that were left to do.
-        std::vector<bool> done(wedges.wedges.size(), false);
+        std::vector<bool> done(planned.wedges.size(), false);
         std::size_t count = 0;
         for (const WedgeReport& w : result.report.wedges)
             if (!w.reused) {
                 done[static_cast<std::size_t>(w.index)] = true;
                 ++count;
             }
-        const WedgeForecast planned = wedges.total(done);
-        result.report.planned = {count, planned.chunks, planned.posts, planned.bytes, planned.peak_bytes};
+        const WedgeForecast left = planned.total(done);
+        result.report.planned = {count, left.chunks, left.posts, left.bytes, left.peak_bytes};
     }
     result.report.skipped = source.skipped();
     result.report.source = source.report();
-    if (params.timeline) params.timeline->memory(wedges.fixed_bytes);
+    if (params.timeline) params.timeline->memory(planned.fixed_bytes);
     check_unchanged(source, data);
 }
 

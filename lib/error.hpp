@@ -93,7 +93,7 @@ public:
     using Error::Error;
 };
 
-/// A signal that ends the run (SIGINT, SIGTERM, SIGHUP, SIGPIPE): exit code 128 + signal.
+/// A signal that ends the run (SIGINT, SIGTERM and the like): exit code 128 + signal.
 class Interrupted : public Error {
 public:
     /// `more`: what follows on the line.

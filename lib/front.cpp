@@ -82,10 +82,11 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 
 std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bool shore) {
     const std::size_t doubles = 22 + (facets ? 2 : 0) + (directional ? 2 : 0);
+    constexpr std::size_t samples = 3 * 9, single = 6, plain = 2 * 4, posts = 4 * sizeof(float) / sizeof(double);
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int64_t) + sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 12 + 2) * sizeof(double) + VisiblePieces::most * 13 * sizeof(double) +
-           VisiblePieces::bytes() + sizeof(Cuts) + sizeof(CultureParts) +
+           tile_lanes * (samples + single + plain + posts) * sizeof(double) +
+           VisiblePieces::most * 13 * sizeof(double) + VisiblePieces::bytes() + sizeof(Cuts) + sizeof(CultureParts) +
            2 * (std::size_t{unknown_class} + 1) * sizeof(float);
 }
 

@@ -101,8 +101,7 @@ private:
     std::size_t index(std::int64_t minor) const { return index(row_, minor); }
     std::size_t index(std::int64_t major, std::int64_t minor) const {
         const std::int64_t column = columns_ ? major : minor, row = columns_ ? minor : major;
-        return static_cast<std::size_t>((row - request_.blocks.rows.begin) * request_.blocks.columns.size() + column -
-                                        request_.blocks.columns.begin);
+        return request_.blocks.at(column, row);
     }
     static Interval blocks_between(double lo, double hi) {
         return {block_along(floor_of(lo) - ChunkRequest::margin),

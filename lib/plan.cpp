@@ -13,13 +13,6 @@
 namespace wedgescope {
 namespace {
 
-/// The smallest window that holds both; an empty one holds nothing.
-Window hull(const Window& a, const Window& b) {
-    if (a.empty()) return b;
-    if (b.empty()) return a;
-    return {hull(a.columns, b.columns), hull(a.rows, b.rows)};
-}
-
 /// A few spokes of a run over coarse blocks of the terrain: how much of it can be seen at all.
 class CoarseLook {
 public:
@@ -146,7 +139,7 @@ private:
                     const Window tiles = Culture::tiles_under(db_, posts);
                     for (std::int64_t r = tiles.rows.begin; r < tiles.rows.end; ++r)
                         for (std::int64_t c = tiles.columns.begin; c < tiles.columns.end; ++c)
-                            if (!culture_tiles.columns.contains(c) || !culture_tiles.rows.contains(r))
+                            if (!culture_tiles.contains(c, r))
                                 class_bytes += source_.class_bytes(Culture::cells_of_tile(db_, c, r));
                     culture_tiles = tiles;
                     held += static_cast<std::size_t>(tiles.posts() * db_.culture_tile_columns * db_.culture_tile_rows) *

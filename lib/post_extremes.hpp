@@ -1,6 +1,6 @@
-// PostExtremes: the lowest and the highest of a rectangle of posts. Leaves what follows from it to front.cpp and
-// coverage_hide.cpp, and what is kept of it to block_map.hpp.
+// PostExtremes: the lowest and the highest of a rectangle of posts. Leaves what is kept of them to block_map.hpp.
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <limits>
 
@@ -10,6 +10,12 @@ struct PostExtremes {
     float lowest_m = std::numeric_limits<float>::infinity();  ///< of the valid ones; a zero is +0
     float highest_m = -std::numeric_limits<float>::infinity();
     std::size_t voids = 0;  ///< how many posts
+
+    void add(const PostExtremes& other) {
+        lowest_m = std::min(lowest_m, other.lowest_m);
+        highest_m = std::max(highest_m, other.highest_m);
+        voids += other.voids;
+    }
 };
 
 /// Of lines of `width` posts, metres, NaN = void, that begin `stride` apart; fewer than 2^32 together.

@@ -45,31 +45,28 @@ public:
         static_assert(ChunkRequest::margin < block_posts);
         for (std::int64_t r = blocks_.rows.begin; r < blocks_.rows.end; ++r)
             for (std::int64_t c = blocks_.columns.begin; c < blocks_.columns.end; ++c) {
-                if (request.skip[index(c, r)] != Skip::none) continue;
-                const Interval columns = intersection({c - 1, c + 2}, blocks_.columns),
-                               rows = intersection({r - 1, r + 2}, blocks_.rows);
-                for (std::int64_t y = rows.begin; y < rows.end; ++y)
-                    for (std::int64_t x = columns.begin; x < columns.end; ++x) wanted_[index(x, y)] = true;
+                if (request.skip[blocks_.at(c, r)] != Skip::none) continue;
+                const Window near = intersection({{c - 1, c + 2}, {r - 1, r + 2}}, blocks_);
+                for (std::int64_t y = near.rows.begin; y < near.rows.end; ++y)
+                    for (std::int64_t x = near.columns.begin; x < near.columns.end; ++x)
+                        wanted_[blocks_.at(x, y)] = true;
             }
     }
     bool all() const { return all_; }
     /// Of one post.
     bool has(std::int64_t column, std::int64_t row) const {
-        return all_ || wanted_[index(column / block_posts, row / block_posts)];
+        return all_ || wanted_[blocks_.at(column / block_posts, row / block_posts)];
     }
     bool any(const Window& posts) const {
         if (all_) return true;
         const Window blocks = blocks_of(posts);
         for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
             for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
-                if (wanted_[index(c, r)]) return true;
+                if (wanted_[blocks_.at(c, r)]) return true;
         return false;
     }
 
 private:
-    std::size_t index(std::int64_t c, std::int64_t r) const {
-        return static_cast<std::size_t>((r - blocks_.rows.begin) * blocks_.columns.size() + c - blocks_.columns.begin);
-    }
     Window blocks_;
     bool all_;
     std::vector<bool> wanted_;

@@ -17,6 +17,15 @@ inline constexpr MaskValues observer_codes{.seen = 3, .hidden = 2, .no_data = 1,
 /// Observers that 16 bits can count, and that 8 bits can.
 inline constexpr std::size_t most_observers = 65533, most_observers_in_byte = 253;
 
+/// A number, read.
+struct SeenNumber {
+    std::uint16_t number;
+    bool outside() const { return number == 0; }
+    bool no_data() const { return number == 1; }
+    bool looked_at() const { return number >= 2; }
+    std::uint16_t observers() const { return looked_at() ? static_cast<std::uint16_t>(number - 2) : std::uint16_t{0}; }
+};
+
 /// counts = max(counts, min(codes, 2)) + (codes is 3), for n posts.
 void add_observer(const std::uint8_t* codes, std::size_t n, std::uint8_t* counts) noexcept;
 void add_observer(const std::uint8_t* codes, std::size_t n, std::uint16_t* counts) noexcept;

@@ -15,16 +15,12 @@
 namespace wedgescope {
 namespace {
 
-constexpr std::array<double, 5> nodes = {-1, -0.5, 0, 0.5, 1};
+constexpr Quartic nodes = {-1, -0.5, 0, 0.5, 1};
 
 /// Coefficients of the quartic through values at the nodes (central differences: exact for quartics).
-std::array<double, 5> quartic(const std::array<double, 5>& f) {
+Quartic quartic(const Quartic& f) {
     return {f[2], (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / 6, (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / 6,
             (-f[0] + 2 * f[1] - 2 * f[3] + f[4]) * 2 / 3, (f[0] - 4 * f[1] + 6 * f[2] - 4 * f[3] + f[4]) * 2 / 3};
-}
-
-double horner(const std::array<double, 5>& c, double u) {
-    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
 }
 
 /// Index-space direction (column, row) of slope m.
@@ -231,7 +227,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
         double worst = 0, slack = 1;
         for (std::size_t i = 0; i < n; ++i) {
             const double slope_middle = -1 + (2 * static_cast<double>(i) + 1) * slope_half;
-            std::vector<std::array<std::array<double, 5>, 5>> bend(n),
+            std::vector<std::array<Quartic, 5>> bend(n),
                 stretch(n);  // [piece of d][slope node][distance node]
             for (std::size_t a = 0; a < 5; ++a) {
                 const double slope = slope_middle + nodes[a] * slope_half;
@@ -244,8 +240,8 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                     }
             }
             for (std::size_t j = 0; j < n; ++j) {
-                const auto tensor = [](const std::array<std::array<double, 5>, 5>& values) {
-                    std::array<std::array<double, 5>, 5> rows{};  // [slope node] -> powers of d
+                const auto tensor = [](const std::array<Quartic, 5>& values) {
+                    std::array<Quartic, 5> rows{};  // [slope node] -> powers of d
                     for (std::size_t a = 0; a < 5; ++a) rows[a] = quartic(values[a]);
                     Patch patch{};
                     for (std::size_t power = 0; power < 5; ++power) {
@@ -360,8 +356,8 @@ SpokeMap::LinePiece SpokeMap::piece(Quadrant q, int i, double distance) const {
     p.slope_end = i == n - 1 ? 2 : p.middle + slope_half;
     const auto at = static_cast<std::size_t>(i * f.distance_pieces + j);
     for (std::size_t m = 0; m < 5; ++m) {
-        p.bend[m] = horner(f.bend[at][m], v);
-        p.stretch[m] = horner(f.stretch[at][m], v);
+        p.bend[m] = quartic_at(f.bend[at][m], v);
+        p.stretch[m] = quartic_at(f.stretch[at][m], v);
     }
     return p;
 }
@@ -371,7 +367,7 @@ SpokeMap::Place SpokeMap::place(Quadrant q, double slope, double distance) const
     if (straight()) return {straight_minor, plain_arc};
     const LinePiece p = piece(q, piece_of(q, slope), distance);
     const double u = (slope - p.middle) * p.scale;
-    return {straight_minor + horner(p.bend, u), plain_arc * (1 + horner(p.stretch, u))};
+    return {straight_minor + quartic_at(p.bend, u), plain_arc * (1 + quartic_at(p.stretch, u))};
 }
 
 }  // namespace wedgescope

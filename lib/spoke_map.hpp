@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "lib/quartic.hpp"
 #include "lib/scene.hpp"
 #include "lib/wedge_source.hpp"
 
@@ -73,8 +74,8 @@ public:
     struct LinePiece {
         double slope_begin, slope_end;
         double middle, scale;
-        std::array<double, 5> bend, stretch;
-        bool straight() const { return bend == std::array<double, 5>{} && stretch == std::array<double, 5>{}; }
+        Quartic bend, stretch;
+        bool straight() const { return bend == Quartic{} && stretch == Quartic{}; }
     };
     /// Pieces, in order of slope, that together hold [slope_lo, slope_hi]. Straight: one piece of zeros.
     void line(Quadrant q, double distance, double slope_lo, double slope_hi, std::vector<LinePiece>& pieces) const;

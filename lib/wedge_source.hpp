@@ -15,6 +15,7 @@
 #include "lib/error.hpp"
 #include "lib/interval.hpp"
 #include "lib/material.hpp"
+#include "lib/post_extremes.hpp"
 #include "lib/raw_vector.hpp"
 
 namespace wedgescope {
@@ -43,6 +44,12 @@ struct DataBase {
     double longer_post_m() const { return std::max(std::abs(step_x), std::abs(step_y)) * metres_a_unit(); }
     bool cyclic = false;             ///< columns span the whole circle of longitude
     std::int64_t cycle_columns = 0;  ///< columns of the circle, if cyclic
+    /// The same column within the circle.
+    std::int64_t real_column(std::int64_t column) const {
+        if (!cyclic) return column;
+        const std::int64_t rest = column % cycle_columns;
+        return rest < 0 ? rest + cycle_columns : rest;
+    }
     /// Whether a place lies in one of the terrain's cells.
     bool holds(IndexPosition p) const {
         return (cyclic || (p.column >= -0.5 && p.column <= static_cast<double>(columns) - 0.5)) && p.row >= -0.5 &&
@@ -168,6 +175,15 @@ struct Extremes {
     std::uint64_t void_posts = 0;
     bool any_valid = false;
 };
+/// Of these posts.
+inline Extremes extremes_of(const PostExtremes& posts) {
+    Extremes e{0, 0, posts.voids, posts.lowest_m <= posts.highest_m};
+    if (e.any_valid) {
+        e.lowest_m = posts.lowest_m;
+        e.highest_m = posts.highest_m;
+    }
+    return e;
+}
 
 /// What a source did beside the chunks it handed out, the partition of a spilled one; and what stood out in them.
 struct SourceReport {

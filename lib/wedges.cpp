@@ -81,6 +81,7 @@ public:
 private:
     Task enter(std::size_t index);
     void load(WedgeTask& task);
+    void load_chunk(WedgeTask& task, Span& span);
     bool sweep(WedgeTask& task);  // true: another chunk is wanted
     /// Its runs are swept. True if there are others: of bins to be swept again.
     bool refine(WedgeTask& task);
@@ -96,6 +97,8 @@ private:
     void note_memory() const {
         if (params_.timeline) params_.timeline->memory(plan_.fixed_bytes + budget_.held());
     }
+    template <class T>
+    static std::span<T> rows_of(const WedgeTask& task, PolarImage<T>& image);
     std::span<float> echo_rows(const WedgeTask& task);
     std::span<std::uint8_t> state_rows(const WedgeTask& task);
 
@@ -145,11 +148,12 @@ Task Wedges::enter(std::size_t index) {
 
 /// Of levels of detail, which the ground far from a wedge may have a say in; 0: none.
 std::uint64_t checksum(const DetailLevels& levels) {
+    constexpr std::uint64_t fnv_prime = 1099511628211U;
     std::uint64_t sum = 0;
     for (const auto& fan : levels.steps) {
-        sum = sum * 1099511628211U + fan.size() + 1;
+        sum = sum * fnv_prime + fan.size() + 1;
         for (const DetailLevels::Step& step : fan)
-            sum = (sum ^ static_cast<std::uint64_t>(step.border * 8 + step.level)) * 1099511628211U;
+            sum = (sum ^ static_cast<std::uint64_t>(step.border * 8 + step.level)) * fnv_prime;
     }
     return sum;
 }
@@ -185,19 +189,15 @@ void Wedges::leave(WedgeTask& task) {
     left_.push_back(Clock::now());
 }
 
-std::span<float> Wedges::echo_rows(const WedgeTask& task) {
-    PolarImage<float>& image = result_.echo_w;
+/// Of one of the result's images those of a wedge.
+template <class T>
+std::span<T> Wedges::rows_of(const WedgeTask& task, PolarImage<T>& image) {
     const Interval bins = task.report.azimuth_bins;
     return {image.row(static_cast<std::size_t>(bins.begin - image.grid.azimuth_bins.begin)),
             static_cast<std::size_t>(bins.size()) * image.grid.range_count()};
 }
-
-std::span<std::uint8_t> Wedges::state_rows(const WedgeTask& task) {
-    PolarImage<std::uint8_t>& image = result_.echo_state;
-    const Interval bins = task.report.azimuth_bins;
-    return {image.row(static_cast<std::size_t>(bins.begin - image.grid.azimuth_bins.begin)),
-            static_cast<std::size_t>(bins.size()) * image.grid.range_count()};
-}
+std::span<float> Wedges::echo_rows(const WedgeTask& task) { return rows_of(task, result_.echo_w); }
+std::span<std::uint8_t> Wedges::state_rows(const WedgeTask& task) { return rows_of(task, result_.echo_state); }
 
 /// True if the archive has the wedge; it is then through but for the merge.
 bool Wedges::find(WedgeTask& task) {
@@ -235,38 +235,38 @@ void Wedges::load(WedgeTask& task) {
     Span span(params_.timeline, "load", "disk", task.report.index);
     const Stopwatch watch;
     task.has_chunk = false;
-    while (task.run < task.wedge.runs.size()) {
-        const SpokeRun& run = task.wedge.runs[task.run];
-        if (!task.front) task.front = std::make_unique<Front>(setting_.sweep_of(task.round), run, *task.cells);
-        if (task.front->finished()) break;  // sweep() closes it
-        task.lines =
-            setting_.grid_of(task.round).strip_lines(run.own_fan(), task.front->next_line(), plan_.strip_lines);
-        const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
-        if (!request.window.empty()) {
-            task.chunk = source_.load(request);
-            task.beside_bytes = source_.cost(request).beside_bytes;
-            task.has_chunk = true;
-            span.add_bytes(task.chunk.bytes_read);
-            if (task.round > 0) {
-                task.report.bytes_again += task.chunk.bytes_read;
-                task.report.bytes_spilled += task.chunk.bytes_spilled;
-                break;
-            }
-            count_skipped(request, task.report);
-            task.report.level_posts[static_cast<std::size_t>(request.level)] += task.chunk.posts_read;
-            task.report.posts_skipped[static_cast<std::size_t>(Skip::detail)] +=
-                (task.chunk.posts_read << (2 * request.level)) - task.chunk.posts_read;
-            task.report.posts_read += task.chunk.posts_read;
-            task.report.bytes_read += task.chunk.bytes_read;
-            task.report.bytes_spilled += task.chunk.bytes_spilled;
-            ++task.report.chunks;
-        }
-        break;
-    }
+    if (task.run < task.wedge.runs.size()) load_chunk(task, span);
     const Stopwatch::Took took = watch.took();
     task.report.load_s += took.cpu_s;
     task.report.disk_wait_s += took.wait_s;
     note_memory();
+}
+
+/// The next lines of the run; none is left where its front is finished, which sweep() closes.
+void Wedges::load_chunk(WedgeTask& task, Span& span) {
+    const SpokeRun& run = task.wedge.runs[task.run];
+    if (!task.front) task.front = std::make_unique<Front>(setting_.sweep_of(task.round), run, *task.cells);
+    if (task.front->finished()) return;
+    task.lines = setting_.grid_of(task.round).strip_lines(run.own_fan(), task.front->next_line(), plan_.strip_lines);
+    const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
+    if (request.window.empty()) return;
+    task.chunk = source_.load(request);
+    task.beside_bytes = source_.cost(request).beside_bytes;
+    task.has_chunk = true;
+    span.add_bytes(task.chunk.bytes_read);
+    WedgeReport& report = task.report;
+    report.bytes_spilled += task.chunk.bytes_spilled;
+    if (task.round > 0) {
+        report.bytes_again += task.chunk.bytes_read;
+        return;
+    }
+    count_skipped(request, report);
+    report.level_posts[static_cast<std::size_t>(request.level)] += task.chunk.posts_read;
+    report.posts_skipped[static_cast<std::size_t>(Skip::detail)] +=
+        (task.chunk.posts_read << (2 * request.level)) - task.chunk.posts_read;
+    report.posts_read += task.chunk.posts_read;
+    report.bytes_read += task.chunk.bytes_read;
+    ++report.chunks;
 }
 
 bool Wedges::sweep(WedgeTask& task) {

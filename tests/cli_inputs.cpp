@@ -95,6 +95,10 @@ TEST_CASE("a radar set comes with the program, wherever that lies, and makes wha
     CHECK(std::any_of(inputs.begin(), inputs.end(), [](const auto& input) { return input["key"] == "set"; }));
     folder.write("scene.ini", "set = x-navigation\ndem = " + dem + "\nlatlon = 33.93,-117.33\naltitude-msl = 7000ft\n");
     CHECK_THAT(folder.run({"info", "scene.ini"}).out, Contains("x-navigation"));
+    // Two altitudes in one file: none of the commands takes either.
+    folder.write("two.ini", "dem = " + dem + "\nlatlon = 33.93,-117.33\naltitude-agl = 1km\naltitude-msl = 5km\n");
+    for (const Strings& command : {Strings{"info", "two.ini"}, Strings{"simulate", "two.ini", "-o", "two.png"}})
+        refuses(folder, command, 2, {"line 4: altitude-msl is given beside altitude-agl", "exactly one of"});
 
     // Elsewhere, alone.
     fs::copy_file(WEDGESCOPE_PROGRAM, folder.file("moved"));

@@ -118,7 +118,7 @@ TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state",
 TEST_CASE("a file that keeps no tiles of 0 holds codes of 0 none the less", "[output_formats]") {
     const Folder folder;
     GDALAllRegister();
-    if (!GetGDALDriverManager()->GetDriverByName("Zarr")) return;
+    REQUIRE(GetGDALDriverManager()->GetDriverByName("Zarr"));
     Drawing d;
     d.columns = d.rows = 700;
     d.no_data = -1;

@@ -208,14 +208,21 @@ TEST_CASE("no-data, NaN and masks are voids", "[raster]") {
         }
     }
     // Written as a float's text and stored as a float: not the same number.
-    for (double none : {-3.4e38, -3.40282e38, -3.4028234663852886e38, -1.7976931348623157e308}) {
+    for (double none : {-3.4e38, -3.40282e38, -3.4028234663852886e38, -1.7976931348623157e308, 3.4028234663852886e38,
+                        1.7976931348623157e308}) {
         d.no_data = none;
         for (GDALDataType type : {GDT_Float32, GDT_Float64}) {
             d.type = type;
-            d.value = [=](int c, int r) {
-                return hole(c, r) ? (type == GDT_Float64 ? none : -3.4028234663852886e38) : 7;
-            };
+            const double stored = type == GDT_Float64 ? none : std::copysign(3.4028234663852886e38, none);
+            d.value = [=](int c, int r) { return hole(c, r) ? stored : 7; };
             check(d);
+            // Codes of either sign are none of it.
+            d.value = [=](int c, int r) { return hole(c, r) ? stored : c % 2 ? 7 : -7; };
+            draw(folder / "void.tif", d);
+            const RasterSummary codes = summarise_raster(folder / "void.tif", true);
+            CHECK(codes.void_posts == 1);
+            CHECK(codes.codes.counts().count(7) == 1);
+            CHECK(codes.codes.counts().count(-7) == 1);
         }
     }
     d.no_data.reset();

@@ -275,6 +275,27 @@ TEST_CASE("rain, which is in no echo image, is the same again", "[scope]") {
                       {{"--bwe", "off", "--sector", "30deg,70deg"}}});
 }
 
+TEST_CASE("over a void scope says what simulate has said", "[scope][quick]") {
+    const Folder folder;
+    const auto said = [](const Ended& ended) {
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return ended.err.find("no height is known below the sensor") != std::string::npos;
+    };
+    for (const int height_m : {1, 900}) {
+        std::string grid = "ncols 60\nnrows 60\nxllcorner 0\nyllcorner 0\ncellsize 30\nnodata_value -9999\n";
+        for (int row = 0; row < 60; ++row)
+            for (int column = 0; column < 60; ++column)
+                grid += std::abs(row - 30) < 5 && std::abs(column - 30) < 5
+                            ? "-9999 "
+                            : std::to_string(height_m + (row + column) % 3) + " ";
+        const std::string dem = folder.write("dem.asc", grid), echo = folder / "echo.tif", scope = folder / "scope.png";
+        CHECK(said(folder.run({"simulate", "--dem", dem, "--xy", "900,900", "--altitude-msl", "1500m", "--echo", echo,
+                               "-o", scope, "--overwrite"})) == (height_m == 900));
+        CHECK(said(folder.run({"scope", echo, "-o", scope, "--overwrite"})) == (height_m == 900));
+    }
+}
+
 TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and longitude serve too", "[scope]") {
     const Folder folder;
     SECTION("gpi-true") {

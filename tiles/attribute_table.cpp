@@ -43,14 +43,8 @@ int column_of(const GDALRasterAttributeTable& table, GDALRATFieldUsage usage,
 }  // namespace
 
 Legend attribute_table_legend(const std::string& path, const Materials& materials) {
-    DatasetHandle dataset;
-    {
-        GdalErrors quiet;
-        dataset = open_dataset(path);
-    }
-    if (!dataset) register_all_drivers();
     GdalErrors errors;
-    if (!dataset) dataset = open_dataset(path);
+    const DatasetHandle dataset = by_usual_or_all_drivers([&] { return open_dataset(path); });
     if (!dataset || dataset->GetRasterCount() < 1)
         throw IoError(text("culture '", path, "' cannot be opened: ", errors.reason()));
     const auto refuse = [&](const auto&... what) {

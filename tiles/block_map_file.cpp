@@ -142,8 +142,7 @@ BlockWindow BlockMapFile::read(int level, const Window& blocks) {
                     const std::int64_t in_page = (r - pr * page_blocks) * page_blocks + c - pc * page_blocks;
                     BlockBounds b = decode(bytes->data() + static_cast<std::size_t>(in_page) * block_bytes);
                     b.culture_m = static_cast<float>(scale_ * static_cast<double>(b.culture_m));
-                    out.bounds[static_cast<std::size_t>((r - blocks.rows.begin) * blocks.columns.size() + c -
-                                                        blocks.columns.begin)] = b;
+                    out.bounds[blocks.at(c, r)] = b;
                 }
         }
     return out;

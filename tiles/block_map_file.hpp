@@ -18,6 +18,11 @@
 namespace wedgescope {
 
 inline constexpr std::int64_t page_blocks = 64;
+/// The pages of level 0 that hold the blocks of a window of posts.
+constexpr Window block_pages_of(const Window& posts) {
+    return {blocks_along(posts.columns, page_blocks * block_posts),
+            blocks_along(posts.rows, page_blocks * block_posts)};
+}
 
 struct BlockMapShape {
     std::int64_t columns = 0, rows = 0;  ///< posts

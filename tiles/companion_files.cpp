@@ -60,15 +60,9 @@ std::string behind_subdataset(const std::string& path) {
 
 void add_listed(const std::string& path, std::vector<std::string>& files) {
     GdalErrors quiet;
-    const auto open = [&] {
+    const DatasetHandle dataset = by_usual_or_all_drivers([&] {
         return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_VECTOR | GDAL_OF_READONLY));
-    };
-    register_usual_drivers();
-    DatasetHandle dataset = open();
-    if (!dataset) {
-        register_all_drivers();
-        dataset = open();
-    }
+    });
     char** const list = dataset ? dataset->GetFileList() : nullptr;
     for (char** file = list; file && *file; ++file) files.emplace_back(*file);
     CSLDestroy(list);

@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "lib/length.hpp"
 #include "tiles/crs_by_rule.hpp"
 #include "tiles/proj_handle.hpp"
 
@@ -83,7 +84,7 @@ int unit_code_of(PJ_CONTEXT* context, const PJ* crs) {
     };
     static constexpr Unit usual[] = {{"degree", std::numbers::pi / 180, degree_code},
                                      {"metre", 1, 9001},
-                                     {"foot", 0.3048, 9002},
+                                     {"foot", foot_m, 9002},
                                      {"US survey foot", 1200.0 / 3937, 9003}};
     if (axis_count(context, crs) != 2) return 0;
     const Axis first = axis_of(context, crs, 0);

@@ -89,10 +89,8 @@ std::vector<Residuals> DetailMapFile::read(const Window& blocks) {
                            rows = intersection(blocks.rows, {pr * side, (pr + 1) * side});
             for (std::int64_t r = rows.begin; r < rows.end; ++r)
                 for (std::int64_t c = columns.begin; c < columns.end; ++c)
-                    out[static_cast<std::size_t>((r - blocks.rows.begin) * blocks.columns.size() + c -
-                                                 blocks.columns.begin)] =
-                        decode(bytes->data() +
-                               static_cast<std::size_t>((r - pr * side) * side + c - pc * side) * block_bytes);
+                    out[blocks.at(c, r)] = decode(
+                        bytes->data() + static_cast<std::size_t>((r - pr * side) * side + c - pc * side) * block_bytes);
         }
     return out;
 }

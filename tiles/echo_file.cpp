@@ -23,15 +23,12 @@ DatasetHandle opened(const std::string& path, int threads, GdalErrors& errors) {
     // Packed tiles are decoded side by side; drivers that cannot do so warn at the most.
     const std::string together = "NUM_THREADS=" + (threads > 0 ? std::to_string(threads) : "ALL_CPUS");
     const char* const options[] = {together.c_str(), nullptr};
-    const auto open = [&](unsigned more) {
-        return DatasetHandle(GDALDataset::FromHandle(
-            GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | more, nullptr, options, nullptr)));
-    };
-    register_usual_drivers();
-    if (DatasetHandle dataset = open(0)) return dataset;
-    register_all_drivers();
-    if (DatasetHandle dataset = open(GDAL_OF_VERBOSE_ERROR)) return dataset;
-    throw IoError(text(named(path), " cannot be opened: ", errors.reason_beside(path)));
+    DatasetHandle dataset = by_usual_or_all_drivers([&] {
+        return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
+                                               nullptr, options));
+    });
+    if (!dataset) throw IoError(text(named(path), " cannot be opened: ", errors.reason_beside(path)));
+    return dataset;
 }
 
 }  // namespace

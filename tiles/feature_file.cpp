@@ -196,13 +196,8 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
     auto handle = std::make_unique<Handle>();
     if (std::error_code ignored; std::filesystem::is_fifo(params_.path, ignored))  // it would be waited for
         throw IoError(text(named(), " is a pipe; accepted: a file, for features are not read from front to end"));
-    {
-        GdalErrors quiet;
-        handle->dataset = open_vector(params_.path);
-    }
-    if (!handle->dataset) register_all_drivers();
     GdalErrors errors;
-    if (!handle->dataset) handle->dataset = open_vector(params_.path);
+    handle->dataset = by_usual_or_all_drivers([&] { return open_vector(params_.path); });
     if (!handle->dataset)
         throw IoError(text(named(), " cannot be opened: ", errors.reason(),
                            " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile)"));
@@ -627,14 +622,12 @@ public:
     template <class Put>
     void take(std::int64_t number, const Mask& mask, const Window& drawn, const Put& put) {
         if (owner_.empty()) owner_.assign(static_cast<std::size_t>(window_.posts()), nobody);
-        const Interval rows = intersection(drawn.rows, window_.rows),
-                       columns = intersection(drawn.columns, window_.columns);
-        for (std::int64_t r = rows.begin; r < rows.end; ++r) {
+        const Window inside = intersection(drawn, window_);
+        for (std::int64_t r = inside.rows.begin; r < inside.rows.end; ++r) {
             const std::uint8_t* const line = mask.row(r - drawn.rows.begin, drawn.columns.size());
-            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+            for (std::int64_t c = inside.columns.begin; c < inside.columns.end; ++c) {
                 if (!line[c - drawn.columns.begin]) continue;
-                const auto at = static_cast<std::size_t>((r - window_.rows.begin) * window_.columns.size() + c -
-                                                         window_.columns.begin);
+                const auto at = window_.at(c, r);
                 if (owner_[at] > number) continue;
                 owner_[at] = number;
                 put(at);
@@ -680,8 +673,7 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                 throw DataError(text(where, " it has places that are not finite"));
             const ToCells to{grid.corner_x, grid.corner_y, grid.step_x, grid.step_y, ask.shift_x, 0, 0};
             const Window drawn = cells_of(box, to, window);
-            if (intersection(drawn.columns, window.columns).empty() || intersection(drawn.rows, window.rows).empty())
-                return;
+            if (intersection(drawn, window).empty()) return;
             mask.draw(*geometry, to, drawn, params_.touch, errors, where);
             owners.take(feature.GetFID(), mask, drawn, [&](std::size_t at) {
                 put(at, burnt);

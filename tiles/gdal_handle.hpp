@@ -64,4 +64,17 @@ private:
     std::string failure_, last_, warning_;
 };
 
+/// What `open`, which gives a DatasetHandle, opens by the drivers of usual files or else by all of them; what GDAL says is of the
+/// last attempt. Null: by none.
+template <class Open>
+DatasetHandle by_usual_or_all_drivers(Open&& open) {
+    register_usual_drivers();
+    {
+        GdalErrors quiet;
+        if (DatasetHandle dataset = open()) return dataset;
+    }
+    register_all_drivers();
+    return open();
+}
+
 }  // namespace wedgescope

@@ -79,11 +79,11 @@ public:
 
     void run(BlockMapWriter& blocks, DetailMapWriter& detail) {
         const Window all{{0, facts_.columns}, {0, facts_.rows}},
-            wanted = params_.posts ? intersect(*params_.posts, all) : all;
+            wanted = params_.posts ? intersection(*params_.posts, all) : all;
         Pages pages;
         for (std::int64_t r = wanted.rows.begin / side * side; r < wanted.rows.end; r += side)
             for (std::int64_t c = wanted.columns.begin / side * side; c < wanted.columns.end; c += side)
-                pages.windows.push_back(intersect({{c, c + side}, {r, r + side}}, all));
+                pages.windows.push_back(intersection({{c, c + side}, {r, r + side}}, all));
         if (pages.windows.empty()) return;
         for (const Window& page : pages.windows)
             pages.strips += static_cast<std::size_t>((page.rows.size() + detail_posts - 1) / detail_posts);
@@ -105,17 +105,9 @@ public:
         });
     }
 
-    Extremes extremes() const {
-        Extremes e{lowest_, highest_, voids_, lowest_ <= highest_};
-        if (!e.any_valid) e.lowest_m = e.highest_m = 0;
-        return e;
-    }
+    Extremes extremes() const { return extremes_of(extremes_); }
 
 private:
-    static Window intersect(const Window& a, const Window& b) {
-        return {intersection(a.columns, b.columns), intersection(a.rows, b.rows)};
-    }
-
     static constexpr std::int64_t side = DetailMapShape::page_posts;
 
     /// All pages, row after row of them.
@@ -139,10 +131,7 @@ private:
             : posts(window), block_pages{{window.columns.begin / block_page_posts, up(window.columns.end)},
                                          {window.rows.begin / block_page_posts, up(window.rows.end)}},
               bounds(static_cast<std::size_t>(block_pages.posts()), BlockPage(page_blocks * page_blocks)) {}
-        BlockPage& block_page(std::int64_t column, std::int64_t row) {
-            return bounds[static_cast<std::size_t>((row - block_pages.rows.begin) * block_pages.columns.size() +
-                                                   column - block_pages.columns.begin)];
-        }
+        BlockPage& block_page(std::int64_t column, std::int64_t row) { return bounds[block_pages.at(column, row)]; }
         BlockBounds& bound_at(std::int64_t c, std::int64_t r) {
             return block_page(
                 c / page_blocks,
@@ -271,7 +260,7 @@ private:
 
     /// From the band, or else by reading.
     void take(Heights& heights, const Heights* band) {
-        if (!band || intersect(heights.window, band->window) != heights.window) {
+        if (!band || intersection(heights.window, band->window) != heights.window) {
             heights.resize(height_ != nullptr);
             return read(heights.window, heights.posts.data(), heights.culture.data());
         }
@@ -279,8 +268,7 @@ private:
         const auto part_of = [&](const std::vector<float>& from, std::vector<float>& to) {
             to.clear();
             for (std::int64_t r = window.rows.begin; r < window.rows.end; ++r) {
-                const auto begin = from.begin() + ((r - all.rows.begin) * all.columns.size() + window.columns.begin -
-                                                   all.columns.begin);
+                const auto begin = from.begin() + static_cast<std::ptrdiff_t>(all.at(window.columns.begin, r));
                 to.insert(to.end(), begin, begin + window.columns.size());
             }
         };
@@ -299,22 +287,13 @@ private:
 
     /// Extremes of what is the page's own; the column that repeats the first is nobody's.
     void note(const Window& own, const Window& given, const std::vector<float>& posts) {
-        float lowest = std::numeric_limits<float>::infinity(), highest = -lowest;
-        std::int64_t voids = 0;
         const std::int64_t n = std::min(own.columns.end, facts_.own_columns()) - own.columns.begin;
-        for (std::int64_t r = 0; r < own.rows.size(); ++r) {
-            const float* row = posts.data() + r * given.columns.size();
-            for (std::int64_t c = 0; c < n; ++c) {
-                const float z = row[c];
-                voids += z != z;
-                lowest = z < lowest ? z : lowest;
-                highest = z > highest ? z : highest;
-            }
-        }
+        if (n <= 0) return;
+        const PostExtremes found =
+            post_extremes(posts.data(), static_cast<std::size_t>(given.columns.size()),
+                          static_cast<std::size_t>(own.rows.size()), static_cast<std::size_t>(n));
         const std::lock_guard lock(mutex_);
-        lowest_ = std::min(lowest_, lowest);
-        highest_ = std::max(highest_, highest);
-        voids_ += static_cast<std::uint64_t>(voids);
+        extremes_.add(found);
     }
 
     static constexpr std::int64_t block_page_posts = page_blocks * block_posts;
@@ -326,8 +305,7 @@ private:
     std::unique_ptr<RegisteredLayer> height_;
     const RasterFacts facts_;
     std::mutex mutex_;
-    float lowest_ = std::numeric_limits<float>::infinity(), highest_ = -std::numeric_limits<float>::infinity();
-    std::uint64_t voids_ = 0;
+    PostExtremes extremes_;
 };
 
 }  // namespace

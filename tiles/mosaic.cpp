@@ -390,9 +390,7 @@ void Mosaic::find_edges() {
 }
 
 std::vector<std::size_t> Mosaic::pieces_in(const Window& window) const {
-    const auto meets = [&](const Window& posts) {
-        return !Window{intersection(window.columns, posts.columns), intersection(window.rows, posts.rows)}.empty();
-    };
+    const auto meets = [&](const Window& posts) { return !intersection(window, posts).empty(); };
     std::vector<std::size_t> found;
     bool any = false;
     for (std::size_t i = 0; i < pieces_.size(); ++i) {
@@ -419,8 +417,8 @@ void Mosaic::read(const Window& window, const Window& counted, Kind kind, const 
     const auto n = static_cast<std::size_t>(window.posts());
     out.heights.assign(n, nan_m);
     const bool overlap = pieces.size() > 1 && !counted.empty();
-    if (overlap) out.owners.assign(n, 0);
-    if (overlap && resampled_) out.doubts.assign(n, 0.0F);
+    if (overlap) out.owners.assign(n, {});
+    out.doubts_m.assign(overlap && resampled_ ? n : 0, 0.0F);
     for (const std::size_t index : pieces) {
         used(pieces_[index].file);
         if (pieces_[index].copied)
@@ -436,26 +434,25 @@ void Mosaic::read(const Window& window, const Window& counted, Kind kind, const 
 /// its own.
 inline void Mosaic::keep_or_compare(std::size_t file, float height_m, float doubt_m, std::int64_t column,
                                     std::int64_t row, const Window& window, const Window& counted, Posts& out) {
-    const auto at =
-        static_cast<std::size_t>((row - window.rows.begin) * window.columns.size() + column - window.columns.begin);
+    const auto at = window.at(column, row);
     float& kept_m = out.heights[at];
     if (std::isnan(kept_m)) {
         kept_m = height_m;
         if (counted.empty()) return;
-        out.owners[at] = static_cast<std::int32_t>(file) + 1;
-        if (doubt_m > 0) out.doubts[at] = doubt_m;
+        out.owners[at] = Owner(file);
+        if (doubt_m > 0) out.doubts_m[at] = doubt_m;
         return;
     }
-    if (kept_m == height_m || !counted.columns.contains(column) || !counted.rows.contains(row)) return;
+    if (kept_m == height_m || !counted.contains(column, row)) return;
     const float apart_m = std::fabs(kept_m - height_m);
-    const float both_m = doubt_m + (out.doubts.empty() ? 0.0F : out.doubts[at]);
+    const float both_m = doubt_m + (out.doubts_m.empty() ? 0.0F : out.doubts_m[at]);
     if (!(apart_m > both_m)) return;
-    std::int32_t& owner = out.owners[at];
-    if (std::abs(owner) == static_cast<std::int32_t>(file) + 1) return;  // itself, a circle apart
-    const bool first = owner > 0;
-    out.disagreement.add({first ? 1U : 0U, apart_m, column, row, std::abs(owner) - 1, static_cast<std::int64_t>(file),
-                          first && both_m > 0 ? 1U : 0U});
-    owner = -std::abs(owner);
+    Owner& owner = out.owners[at];
+    const auto other = static_cast<std::int64_t>(file);
+    if (owner.file() == other) return;  // itself, a circle apart
+    const bool first = !owner.disputed();
+    out.disagreement.add({first ? 1U : 0U, apart_m, column, row, owner.file(), other, first && both_m > 0 ? 1U : 0U});
+    owner.dispute();
 }
 
 void Mosaic::read_single(const Window& window, Kind kind, Posts& out) {
@@ -490,7 +487,7 @@ void Mosaic::read_single(const Window& window, Kind kind, Posts& out) {
 
 void Mosaic::add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out) {
     const Piece& piece = pieces_[index];
-    const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
+    const Window here = intersection(window, piece.posts);
     if (here.empty()) return;
     // Own posts along an axis, and the first post of the grid's among them.
     struct Own {
@@ -546,10 +543,7 @@ void Mosaic::interpolate(const Piece& piece, const Window& here, std::vector<flo
                         side(here.rows, piece.row, piece.row_step, f.rows, rows)};
     part.resize(static_cast<std::size_t>(source.posts()));
     piece.raster->read_heights(source, part.data(), source.columns.size());
-    const auto own = [&](std::int64_t c, std::int64_t r) {
-        return static_cast<double>(
-            part[static_cast<std::size_t>((r - source.rows.begin) * source.columns.size() + c - source.columns.begin)]);
-    };
+    const auto own = [&](std::int64_t c, std::int64_t r) { return static_cast<double>(part[source.at(c, r)]); };
     for (std::int64_t r = here.rows.begin; r < here.rows.end; ++r) {
         const Between& y = rows[static_cast<std::size_t>(r - here.rows.begin)];
         for (std::int64_t c = here.columns.begin; c < here.columns.end; ++c) {
@@ -573,7 +567,7 @@ void Mosaic::interpolate(const Piece& piece, const Window& here, std::vector<flo
 
 void Mosaic::add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out) {
     const Piece& piece = pieces_[index];
-    const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
+    const Window here = intersection(window, piece.posts);
     if (here.empty()) return;
     interpolate(piece, here, out.part, [&](std::int64_t c, std::int64_t r, float height_m, float doubt_m) {
         keep_or_compare(piece.file, height_m, doubt_m, c, r, window, counted, out);
@@ -582,17 +576,20 @@ void Mosaic::add_resampled(std::size_t index, const Window& window, const Window
 
 void Mosaic::close_seams(const Window& window, const std::vector<std::size_t>& pieces, Posts& out) {
     const auto is_void = [](float z) { return std::isnan(z); };
+    std::vector<float> beyond = std::move(out.doubts_m);  // their memory: they have served
     for (const Seams seams : {Seams::between_columns, Seams::between_rows}) {
-        if (std::none_of(out.heights.begin(), out.heights.end(), is_void)) return;
-        out.doubts.assign(out.heights.size(), 0.0F);
+        if (std::none_of(out.heights.begin(), out.heights.end(), is_void)) break;
+        beyond.assign(out.heights.size(), 0.0F);
         for (const bool far_side : {false, true})
-            for (const std::size_t index : pieces) reach_out(index, seams, far_side, window, out);
+            for (const std::size_t index : pieces) reach_out(index, seams, far_side, window, beyond, out);
     }
+    out.doubts_m = std::move(beyond);
 }
 
-/// Fills voids beyond a raster's outermost posts with these, and notes how far beyond it they lie, in posts of the grid,
-/// below 0 before its first. `far_side`: goes from what another raster filled to this one's outermost posts instead.
-void Mosaic::reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, Posts& out) {
+/// Fills voids beyond a raster's outermost posts with these, and notes in `beyond` how far they lie from it, in posts of the
+/// grid, below 0 before its first. `far_side`: goes from what another raster filled to this one's outermost posts instead.
+void Mosaic::reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, std::vector<float>& beyond,
+                       Posts& out) {
     const Piece& piece = pieces_[index];
     if (!far_side && !piece.reaches) return;
     const bool columns = seams == Seams::between_columns;
@@ -601,36 +598,33 @@ void Mosaic::reach_out(std::size_t index, Seams seams, bool far_side, const Wind
     const double own0 = columns ? piece.column : piece.row, step = columns ? piece.column_step : piece.row_step;
     const RasterFacts& f = piece.raster->facts();
     const auto last = static_cast<double>((columns ? f.columns : f.rows) - 1);
-    const auto index_of = [&](std::int64_t c, std::int64_t r) {
-        return static_cast<std::size_t>((r - window.rows.begin) * window.columns.size() + c - window.columns.begin);
-    };
     for (const bool before : {true, false}) {
         const auto outside = [&](Interval all) {
             return before ? Interval{all.begin, side.begin} : Interval{side.end, all.end};
         };
         const Window strip{columns ? outside(reach.columns) : piece.area.columns,
                            columns ? piece.area.rows : outside(reach.rows)};
-        const Window here{intersection(window.columns, strip.columns), intersection(window.rows, strip.rows)};
+        const Window here = intersection(window, strip);
         const auto wanted = [&](std::size_t at) {
-            return far_side ? (before ? out.doubts[at] > 0 : out.doubts[at] < 0) : std::isnan(out.heights[at]);
+            return far_side ? (before ? beyond[at] > 0 : beyond[at] < 0) : std::isnan(out.heights[at]);
         };
         bool any = false;
         for (std::int64_t r = here.rows.begin; r < here.rows.end && !any; ++r)
-            for (std::int64_t c = here.columns.begin; c < here.columns.end && !any; ++c) any = wanted(index_of(c, r));
+            for (std::int64_t c = here.columns.begin; c < here.columns.end && !any; ++c) any = wanted(window.at(c, r));
         if (!any) continue;
         used(pieces_[index].file);
         interpolate(piece, here, out.part, [&](std::int64_t c, std::int64_t r, float height_m, float) {
-            const std::size_t at = index_of(c, r);
+            const std::size_t at = window.at(c, r);
             if (!wanted(at)) return;
             const double own = own0 + step * static_cast<double>(columns ? c : r);
-            const auto beyond = static_cast<float>((own < 0 ? own : own - last) / step);
-            float &kept_m = out.heights[at], &from = out.doubts[at];
+            const auto here_beyond = static_cast<float>((own < 0 ? own : own - last) / step);
+            float &kept_m = out.heights[at], &other_beyond = beyond[at];
             if (!far_side) {
                 kept_m = height_m;
-                from = beyond;
+                other_beyond = here_beyond;
             } else {
-                kept_m += (height_m - kept_m) * (from / (from - beyond));
-                from = 0;
+                kept_m += (height_m - kept_m) * (other_beyond / (other_beyond - here_beyond));
+                other_beyond = 0;
             }
         });
     }

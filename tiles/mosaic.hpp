@@ -56,15 +56,28 @@ public:
     /// Pieces that hold posts of the window or count in it; none if none holds one.
     std::vector<std::size_t> pieces_in(const Window& window) const;
 
+    /// Of a post: the raster whose height is kept, and whether another disagreed with it.
+    class Owner {
+    public:
+        Owner() = default;
+        explicit Owner(std::size_t file) : number_(static_cast<std::int32_t>(file) + 1) {}
+        std::int64_t file() const { return std::abs(number_) - 1; }  ///< -1: none
+        bool disputed() const { return number_ < 0; }
+        void dispute() { number_ = -std::abs(number_); }
+
+    private:
+        std::int32_t number_ = 0;  // from 1; below 0: disputed
+    };
     /// What a read gives, row after row of its window.
     struct Posts {
-        std::vector<std::byte> stored;     ///< in facts().type
-        std::vector<float> heights;        ///< metres, NaN void
-        std::vector<std::int32_t> codes;   ///< void_code where there is none
-        std::vector<std::int32_t> owners;  ///< scratch: 1 + the raster kept, below 0 once it disagreed; 0: none
-        std::vector<float> doubts;         ///< scratch: of what is kept, metres; empty: 0; then the posts beyond
-        std::vector<float> part;           ///< scratch
-        Disagreement disagreement;         ///< added to
+        std::vector<std::byte> stored;    ///< in facts().type
+        std::vector<float> heights;       ///< metres, NaN void
+        std::vector<std::int32_t> codes;  ///< void_code where there is none
+        Disagreement disagreement;        ///< added to
+        // Scratch.
+        std::vector<Owner> owners;
+        std::vector<float> doubts_m;  ///< of what is kept; empty: none anywhere
+        std::vector<float> part;
     };
     enum class Kind { heights, codes };
     /// `counted`: where disagreements count. From several threads at once.
@@ -98,7 +111,8 @@ private:
     template <class Take>
     static void interpolate(const Piece& piece, const Window& here, std::vector<float>& part, const Take& take);
     void close_seams(const Window& window, const std::vector<std::size_t>& pieces, Posts& out);
-    void reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, Posts& out);
+    void reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, std::vector<float>& beyond,
+                   Posts& out);
     static void keep_or_compare(std::size_t file, float height_m, float doubt_m, std::int64_t column, std::int64_t row,
                                 const Window& window, const Window& counted, Posts& out);
     void store_heights(const Window& window, Posts& out) const;

@@ -41,7 +41,7 @@ public:
             for (std::int64_t c = near.columns.begin; c < near.columns.end; ++c) {
                 const Skip why = at(c, r);
                 if (why == Skip::none) return Skip::none;
-                if (own.columns.contains(c) && own.rows.contains(r)) last = std::max(last, why);
+                if (own.contains(c, r)) last = std::max(last, why);
             }
         return last;
     }
@@ -117,11 +117,9 @@ public:
     /// Fills what need not be read of `posts`, a part of the request's window: with its block's fill height, or with `height_m`.
     void fill(const Window& posts, const Posts& to, std::optional<float> height_m = {}) const {
         if (all()) return;
-        const Window blocks = blocks_of(posts);
-        const Interval columns = intersection(blocks.columns, request_.blocks.columns),
-                       rows = intersection(blocks.rows, request_.blocks.rows);
-        for (std::int64_t r = rows.begin; r < rows.end; ++r)
-            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+        const Window blocks = intersection(blocks_of(posts), request_.blocks);
+        for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+            for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
                 if (at(c, r) == Skip::none) continue;
                 const auto put = [&](std::int64_t from, std::int64_t line, std::int64_t n) {
                     std::fill_n(to.first + line * to.stride + from, n, height_m.value_or(request_.fill_m[index(c, r)]));
@@ -139,17 +137,14 @@ private:
     /// Of the request, those that posts are in or within the margin of.
     Window blocks_near(const Window& posts) const {
         constexpr std::int64_t margin = ChunkRequest::margin;
-        const Window near = blocks_of({{posts.columns.begin - margin, posts.columns.end + margin},
-                                       {posts.rows.begin - margin, posts.rows.end + margin}});
-        return {intersection(near.columns, request_.blocks.columns), intersection(near.rows, request_.blocks.rows)};
+        return intersection(blocks_of({{posts.columns.begin - margin, posts.columns.end + margin},
+                                       {posts.rows.begin - margin, posts.rows.end + margin}}),
+                            request_.blocks);
     }
-    std::size_t index(std::int64_t c, std::int64_t r) const {
-        const Window& b = request_.blocks;
-        return static_cast<std::size_t>((r - b.rows.begin) * b.columns.size() + c - b.columns.begin);
-    }
+    std::size_t index(std::int64_t c, std::int64_t r) const { return request_.blocks.at(c, r); }
     Skip at(std::int64_t c, std::int64_t r) const { return request_.skip[index(c, r)]; }
     bool needed(std::int64_t c, std::int64_t r) const {
-        return request_.blocks.columns.contains(c) && request_.blocks.rows.contains(r) && at(c, r) == Skip::none;
+        return request_.blocks.contains(c, r) && at(c, r) == Skip::none;
     }
 
     /// The posts in or within the margin of blocks.

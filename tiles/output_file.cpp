@@ -134,7 +134,8 @@ OutputFile::OutputFile(std::string final_path, bool overwrite)
         }
         claim_ = Descriptor(::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
         claim(claim_.get());
-    } while (folder_.empty() || (claim_ && !stands_at(claim_.get(), folder_)));
+        // Until it is claimed another process may take it for one left behind, and remove it.
+    } while (folder_.empty() || !(claim_ ? stands_at(claim_.get(), folder_) : stands(folder_)));
     temporary_path_ = (fs::path(folder_) / name).string();
 }
 

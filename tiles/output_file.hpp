@@ -30,8 +30,8 @@ public:
     /// drivers may put side files (`.aux.xml`, `.geoloc.tif`, `.hdr`, ...) too. Empty once committed.
     const std::string& temporary_path() const { return temporary_path_; }
 
-    /// Flushes to disk and puts everything in place under the final names. Stale `.aux.xml` and `.geoloc.tif` of the
-    /// final name go. Checked for all of them before the first one is moved: InputError if something stands there and
+    /// Flushes to disk and puts everything in place under the final names. Stale side files of the final name
+    /// (`.aux.xml`, `.geoloc.tif`, ...) go. Checked for all of them before the first one is moved: InputError if something stands there and
     /// `overwrite` is off, or if two of the outputs bring a side file of the same name. IoError naming the file.
     /// `may_replace`: asked about every side file that one stands in the place of; throws where it may not.
     using MayReplace = std::function<void(const OutputFile& output, const std::string& side_file)>;

@@ -37,7 +37,7 @@ BlockSet trimmed(const Window& all, std::int64_t edge, const std::vector<bool>& 
     for (std::int64_t r = 0; r < all.rows.size(); ++r)
         for (std::int64_t c = 0; c < all.columns.size(); ++c)
             if (needed[static_cast<std::size_t>(r * all.columns.size() + c)])
-                out.blocks = {hull(out.blocks.columns, {c, c + 1}), hull(out.blocks.rows, {r, r + 1})};
+                out.blocks = hull(out.blocks, {{c, c + 1}, {r, r + 1}});
     out.needed.resize(static_cast<std::size_t>(out.blocks.posts()));
     for (std::int64_t r = out.blocks.rows.begin; r < out.blocks.rows.end; ++r)
         for (std::int64_t c = out.blocks.columns.begin; c < out.blocks.columns.end; ++c)
@@ -206,23 +206,17 @@ struct Bounds {
 };
 
 Bounds bounds_of(const Window& posts, const Window& window, const float* terrain, const float* culture) {
-    Bounds b;
-    const std::int64_t stride = window.columns.size(), n = posts.columns.size();
-    std::int64_t none = 0;
-    for (std::int64_t r = posts.rows.begin; r < posts.rows.end; ++r) {
-        const std::int64_t at = (r - window.rows.begin) * stride + posts.columns.begin - window.columns.begin;
-        const float* row = terrain + at;
-        for (std::int64_t c = 0; c < n; ++c) {
-            const float z = row[c];
-            none += z != z;
-            b.lowest = z < b.lowest ? z : b.lowest;
-            b.highest = z > b.highest ? z : b.highest;
+    const std::size_t first = window.at(posts.columns.begin, posts.rows.begin),
+                      stride = static_cast<std::size_t>(window.columns.size()),
+                      lines = static_cast<std::size_t>(posts.rows.size()),
+                      n = static_cast<std::size_t>(posts.columns.size());
+    const PostExtremes bare = post_extremes(terrain + first, stride, lines, n);
+    Bounds b{bare.lowest_m, bare.highest_m, 0, bare.voids<lines * n, bare.voids> 0};
+    if (culture)
+        for (std::size_t line = 0; line < lines; ++line) {
+            const float* const row = culture + first + line * stride;
+            for (std::size_t c = 0; c < n; ++c) b.culture = std::max(b.culture, row[c]);
         }
-        if (culture)
-            for (std::int64_t c = 0; c < n; ++c) b.culture = std::max(b.culture, culture[at + c]);
-    }
-    b.voids = none > 0;
-    b.valid = none < posts.posts();
     return b;
 }
 
@@ -234,8 +228,7 @@ struct Survey::Part {
         Bounds own, first_column, first_row, corner;
     };
     std::vector<Block> blocks;
-    std::uint64_t void_posts = 0;
-    float lowest = std::numeric_limits<float>::infinity(), highest = -std::numeric_limits<float>::infinity();
+    PostExtremes extremes;  ///< the highest with culture
 };
 
 class GrownMap final : public BlockMap {
@@ -259,8 +252,8 @@ public:
     Bounds* growing(std::int64_t column, std::int64_t row) {
         if (cyclic_ && column < 0) column += columns_;
         const Window& hull = levels_[0].hull;
-        if (!hull.columns.contains(column) || !hull.rows.contains(row)) return nullptr;
-        return &growing_[at(hull, column, row)];
+        if (!hull.contains(column, row)) return nullptr;
+        return &growing_[hull.at(column, row)];
     }
 
     /// After the last post: what lies beside what was read, then the coarser levels.
@@ -273,13 +266,13 @@ public:
         for (std::int64_t r = hull.rows.begin; r < hull.rows.end; ++r)
             for (std::int64_t c = hull.columns.begin; c < hull.columns.end; ++c) {
                 if (!is_needed(c, r)) continue;
-                Bounds& b = growing_[at(hull, c, r)];
+                Bounds& b = growing_[hull.at(c, r)];
                 std::int64_t right = c + 1;
                 if (right >= columns_) right = db.cyclic ? 0 : -1;
                 const std::int64_t under = r + 1 < rows_ ? r + 1 : -1;
                 for (const auto& [x, y] : {std::pair(right, r), std::pair(c, under), std::pair(right, under)})
                     if (x >= 0 && y >= 0 && !is_needed(x, y)) b.voids = 1;
-                first.bounds[at(hull, c, r)] = b.block();
+                first.bounds[hull.at(c, r)] = b.block();
             }
         growing_.clear();
         growing_.shrink_to_fit();
@@ -314,7 +307,7 @@ private:
             level.bounds.resize(static_cast<std::size_t>(level.hull.posts()));
             for (std::int64_t r = level.hull.rows.begin; r < level.hull.rows.end; ++r)
                 for (std::int64_t c = level.hull.columns.begin; c < level.hull.columns.end; ++c) {
-                    BlockBounds& b = level.bounds[at(level.hull, c, r)];
+                    BlockBounds& b = level.bounds[level.hull.at(c, r)];
                     bool any = false;
                     for (std::int64_t y = 2 * r; y < std::min(2 * r + 2, rows); ++y)
                         for (std::int64_t x = 2 * c; x < std::min(2 * c + 2, columns); ++x) {
@@ -332,12 +325,9 @@ private:
         }
     }
 
-    static std::size_t at(const Window& hull, std::int64_t c, std::int64_t r) {
-        return static_cast<std::size_t>((r - hull.rows.begin) * hull.columns.size() + c - hull.columns.begin);
-    }
     static BlockBounds bounds(const Level& level, std::int64_t c, std::int64_t r) {
-        if (!level.hull.columns.contains(c) || !level.hull.rows.contains(r)) return {};
-        return level.bounds[at(level.hull, c, r)];
+        if (!level.hull.contains(c, r)) return {};
+        return level.bounds[level.hull.at(c, r)];
     }
 
     std::int64_t columns_ = 0, rows_ = 0;
@@ -354,7 +344,7 @@ std::size_t Survey::map_bytes(const BlockSet& needed) {
 }
 
 Survey::Survey(const DataBase& data_base, const BlockSet& needed, bool with_map)
-    : data_base_(data_base), needed_(needed), lowest_(std::numeric_limits<float>::infinity()), highest_(-lowest_) {
+    : data_base_(data_base), needed_(needed) {
     if (with_map) map_ = std::make_unique<GrownMap>(data_base, needed);
 }
 Survey::~Survey() = default;
@@ -367,19 +357,16 @@ std::unique_ptr<Survey::Part> Survey::look(const Window& window, const float* te
     auto part = std::make_unique<Part>();
     // Each post of the circle once: the last column may repeat the first.
     const std::int64_t last = data_base_.cyclic ? data_base_.cycle_columns : data_base_.columns;
-    const std::int64_t stride = window.columns.size();
-    const std::int64_t n = std::min(window.columns.end, last) - window.columns.begin;
-    for (std::int64_t r = 0; r < window.rows.size(); ++r) {
-        const float* row = terrain + r * stride;
-        const float* raised = culture ? culture + r * stride : nullptr;
-        std::int64_t none = 0;
-        for (std::int64_t c = 0; c < n; ++c) {
-            const float z = row[c], top = raised ? z + raised[c] : z;
-            none += z != z;
-            part->lowest = z < part->lowest ? z : part->lowest;
-            part->highest = top > part->highest ? top : part->highest;
-        }
-        part->void_posts += static_cast<std::uint64_t>(none);
+    const auto stride = static_cast<std::size_t>(window.columns.size()),
+               lines = static_cast<std::size_t>(window.rows.size());
+    if (const std::int64_t columns = std::min(window.columns.end, last) - window.columns.begin; columns > 0) {
+        const auto n = static_cast<std::size_t>(columns);
+        part->extremes = post_extremes(terrain, stride, lines, n);
+        for (std::size_t at = 0; culture && at < lines * stride; at += stride)
+            for (std::size_t c = at; c < at + n; ++c) {
+                const float top = terrain[c] + culture[c];
+                part->extremes.highest_m = top > part->extremes.highest_m ? top : part->extremes.highest_m;
+            }
     }
     if (!map_) return part;
     const Window blocks = blocks_of(window);
@@ -399,14 +386,7 @@ std::unique_ptr<Survey::Part> Survey::look(const Window& window, const float* te
 }
 
 void Survey::add(const Part& part) {
-    extremes_.void_posts += part.void_posts;
-    lowest_ = std::min(lowest_, part.lowest);
-    highest_ = std::max(highest_, part.highest);
-    extremes_.any_valid = lowest_ < std::numeric_limits<float>::infinity();
-    if (extremes_.any_valid) {
-        extremes_.lowest_m = lowest_;
-        extremes_.highest_m = highest_;
-    }
+    found_.add(part.extremes);
     for (const Part::Block& b : part.blocks) {
         const auto give = [&](std::int64_t column, std::int64_t row, const Bounds& bounds) {
             if (row < 0) return;
@@ -433,16 +413,17 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
     const RasterFacts& f = layer.in.facts();
     const std::int64_t edge = layer.blocks.edge;
     const Window all{{0, f.columns}, {0, f.rows}};
-    Window hull = all;
-    if (!layer.read_all)
-        hull = {intersection({layer.blocks.blocks.columns.begin * edge, layer.blocks.blocks.columns.end * edge},
-                             all.columns),
-                intersection({layer.blocks.blocks.rows.begin * edge, layer.blocks.blocks.rows.end * edge}, all.rows)};
+    const auto posts_of = [edge](const Window& blocks) {
+        return Window{{blocks.columns.begin * edge, blocks.columns.end * edge},
+                      {blocks.rows.begin * edge, blocks.rows.end * edge}};
+    };
+    const Window wanted = layer.read_all ? all : intersection(posts_of(layer.blocks.blocks), all);
     std::vector<Window> windows;
-    if (hull.empty()) return windows;
+    if (wanted.empty()) return windows;
     // Across: from window row to window row; along: what one row of file blocks runs over.
     const bool by_columns = f.unit_columns() < f.unit_rows();
-    const Interval across = by_columns ? hull.columns : hull.rows, along = by_columns ? hull.rows : hull.columns;
+    const Interval across = by_columns ? wanted.columns : wanted.rows,
+                   along = by_columns ? wanted.rows : wanted.columns;
     const std::int64_t file_across = by_columns ? f.unit_columns() : f.unit_rows();
     const std::int64_t file_along = by_columns ? f.unit_rows() : f.unit_columns();
     constexpr std::int64_t most_unit = 1024;
@@ -476,11 +457,8 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
                 Window needed;
                 for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
                     for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
-                        if (layer.blocks.contains(c, r))
-                            needed = {wedgescope::hull(needed.columns, {c, c + 1}),
-                                      wedgescope::hull(needed.rows, {r, r + 1})};
-                w = {intersection({needed.columns.begin * edge, needed.columns.end * edge}, w.columns),
-                     intersection({needed.rows.begin * edge, needed.rows.end * edge}, w.rows)};
+                        if (layer.blocks.contains(c, r)) needed = hull(needed, {{c, c + 1}, {r, r + 1}});
+                w = intersection(posts_of(needed), w);
             }
             if (!w.empty()) windows.push_back(w);
             b = b_end;
@@ -709,7 +687,7 @@ void SpilledLayer::read(const Window& window, Value none, Value* out, std::int64
     for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
         for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
             const Window block = layer.posts(c, r);
-            const Window part{intersection(block.columns, window.columns), intersection(block.rows, window.rows)};
+            const Window part = intersection(block, window);
             Value* to =
                 out + (part.rows.begin - window.rows.begin) * stride + part.columns.begin - window.columns.begin;
             const std::span<const std::byte> bytes = spill_->get(layer_, c, r, buffer);

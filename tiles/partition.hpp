@@ -42,12 +42,9 @@ struct BlockSet {
     std::vector<bool> needed;  ///< row after row of the hull
 
     bool contains(std::int64_t column, std::int64_t row) const {
-        return blocks.columns.contains(column) && blocks.rows.contains(row) && needed[at(column, row)];
+        return blocks.contains(column, row) && needed[at(column, row)];
     }
-    std::size_t at(std::int64_t column, std::int64_t row) const {
-        return static_cast<std::size_t>((row - blocks.rows.begin) * blocks.columns.size() + column -
-                                        blocks.columns.begin);
-    }
+    std::size_t at(std::int64_t column, std::int64_t row) const { return blocks.at(column, row); }
     bool any() const { return !blocks.empty(); }
 };
 
@@ -99,7 +96,7 @@ public:
     void add(const Part& part);
     /// After the last part. Null without a map.
     std::unique_ptr<BlockMap> take_map();
-    const Extremes& extremes() const { return extremes_; }
+    Extremes extremes() const { return extremes_of(found_); }
 
     /// Of a whole raster's or a hull's map, all levels.
     static std::size_t map_bytes(const BlockSet& needed);
@@ -108,8 +105,7 @@ private:
     const DataBase& data_base_;
     const BlockSet& needed_;
     std::unique_ptr<GrownMap> map_;
-    Extremes extremes_;
-    float lowest_, highest_;
+    PostExtremes found_;  ///< the highest with culture
 };
 
 /// One layer on its way into the spill.

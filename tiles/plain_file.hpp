@@ -19,7 +19,7 @@ public:
     /// Made in the folder without a name: gone with the process, however it ends.
     explicit PlainFile(const Unnamed& where);
 
-    const std::string& path() const { return path_; }
+    const std::string& path() const { return path_; }  ///< empty: unnamed
     std::uint64_t bytes() const;
     /// IoError, also if the file ends before.
     void read(std::uint64_t at, void* out, std::size_t count) const;
@@ -32,7 +32,8 @@ public:
     bool stands() const;
 
 private:
-    std::string path_;
+    std::string path_;  ///< empty: it has none
+    std::string named_;
     Descriptor file_;
 };
 
@@ -45,10 +46,11 @@ std::uint64_t file_bytes(const std::string& path);
 std::string file_text(const std::string& path, std::size_t most);
 /// Writes `content` to `path` + ".tmp", syncs it and puts it in place. IoError.
 void replace_file(const std::string& path, const std::string& content);
-/// Syncs a file or folder; file systems that cannot sync folders are forgiven.
-void sync_path(const std::string& path, bool folder);
+/// To disk; file systems that cannot sync folders are forgiven. IoError.
+void sync_file(const std::string& path);
+void sync_directory(const std::string& path);
 
-/// Lets the system begin to write a file to disk while it is still read: a wish, sync_path() waits for the less.
+/// Lets the system begin to write a file to disk while it is still read: a wish, sync_file() waits for the less.
 void begin_sync(const std::string& path) noexcept;
 void rename_path(const std::string& from, const std::string& to);
 

@@ -43,24 +43,17 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     Open& o = *open_;
     o.role = params.role;
     o.path = params.path;
-    {
-        GdalErrors quiet;
-        o.dataset = open_vector(o.path);
-    }
+    GdalErrors errors;
+    o.dataset = by_usual_or_all_drivers([&] { return open_vector(o.path); });
     if (!o.dataset) {
-        register_all_drivers();
-        GdalErrors errors;
-        o.dataset = open_vector(o.path);
         struct stat facts {};
         // GDAL may say nothing at all of a path that is not there.
-        if (!o.dataset && !errors.failed() && !errors.warned() && ::stat(o.path.c_str(), &facts) != 0)
+        if (!errors.failed() && !errors.warned() && ::stat(o.path.c_str(), &facts) != 0)
             throw IoError(text(o.named(), " cannot be opened: ", system_reason(errno)));
-        if (!o.dataset)
-            throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason(),
-                               " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile, or a "
-                               "table of places whose name ends in .csv)"));
+        throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason(),
+                           " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile, or a "
+                           "table of places whose name ends in .csv)"));
     }
-    GdalErrors errors;
     std::string names;
     for (int i = 0; i < o.dataset->GetLayerCount(); ++i)
         names += text(names.empty() ? "" : ", ", o.dataset->GetLayer(i)->GetName());

@@ -36,21 +36,16 @@ void quiet_hdf5(const std::string& driver) {
 }
 
 DatasetHandle open(const RasterFacts& facts) {
-    constexpr unsigned how = GDAL_OF_RASTER | GDAL_OF_READONLY;
     // Opened a second time, as GDAL does, it would be waited for without end.
     if (std::error_code ignored; std::filesystem::is_fifo(facts.path, ignored))
         throw IoError(text(facts.named(), " is a pipe; accepted: a file, for a raster is not read from front to end"));
-    register_usual_drivers();
-    DatasetHandle dataset;
-    {
-        GdalErrors quiet;
-        dataset.reset(GDALDataset::Open(facts.path.c_str(), how));
-    }
-    // A VRT may be made of anything.
-    if (!dataset || (dataset->GetDriver() && EQUAL(dataset->GetDriver()->GetDescription(), "VRT")))
-        register_all_drivers();
     GdalErrors errors;
-    if (!dataset) dataset.reset(GDALDataset::Open(facts.path.c_str(), how | GDAL_OF_VERBOSE_ERROR));
+    DatasetHandle dataset = by_usual_or_all_drivers([&] {
+        return DatasetHandle(
+            GDALDataset::Open(facts.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
+    });
+    // A VRT may be made of anything.
+    if (dataset && dataset->GetDriver() && EQUAL(dataset->GetDriver()->GetDescription(), "VRT")) register_all_drivers();
     if (!dataset && is_tile_store(facts.path)) {
         std::string layer = facts.role;
         std::replace(layer.begin(), layer.end(), '-', '_');
@@ -208,8 +203,6 @@ ReaderBytes dataset_bytes(GDALDataset& dataset) {
     const bool tiff = dataset.GetDriver() && EQUAL(dataset.GetDriver()->GetDescription(), "GTiff");
     GDALRasterBand& band = *dataset.GetRasterBand(1);
     ReaderBytes bytes = block_bytes(band, tiff);
-    // Bands that lie post by post beside one another are decoded together, and once more apart.
-    const char* order = dataset.GetMetadataItem("INTERLEAVE", "IMAGE_STRUCTURE");
     const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE");
     constexpr std::size_t zstd_window = std::size_t{8} << 20;  // up to level 19
     if (compression && EQUAL(compression, "ZSTD")) bytes.packed += std::min(bytes.decoded, zstd_window);
@@ -217,6 +210,8 @@ ReaderBytes dataset_bytes(GDALDataset& dataset) {
     constexpr std::size_t chunk_cache = std::size_t{16} << 20, libraries = std::size_t{4} << 20;
     if (dataset.GetDriver() && by_hdf5(dataset.GetDriver()->GetDescription()))
         bytes.packed += libraries + std::min(chunk_cache, raster_bytes(band));
+    // Bands that lie post by post beside one another are decoded together, and once more apart.
+    const char* order = dataset.GetMetadataItem("INTERLEAVE", "IMAGE_STRUCTURE");
     const int bands = dataset.GetRasterCount();
     if (bands > 1 && order && EQUAL(order, "PIXEL")) {
         bytes.decoded *= 2 * static_cast<std::size_t>(bands);

@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "lib/error.hpp"
+#include "lib/length.hpp"
 #include "lib/lower_case.hpp"
 #include "tiles/gdal_handle.hpp"
 
@@ -117,7 +118,7 @@ std::optional<double> unit_in_metres(std::string unit) {
     for (const auto& [brief, prefix, metres] : parts)
         if (unit == brief || unit.starts_with(std::string(prefix) + "met")) return metres;
     for (const char* word : {"ft", "foot", "feet", "internationalfoot", "internationalfeet", "footinternational"})
-        if (unit == word) return 0.3048;
+        if (unit == word) return foot_m;
     for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot",
                              "surveyfeet", "footussurvey", "usfoot", "usfeet"})
         if (unit == word) return 1200.0 / 3937;
@@ -184,6 +185,12 @@ std::int64_t RasterFacts::own_columns() const {
     return cycle > 0 ? cycle : columns;
 }
 
+double huge_no_data_sign(const RasterFacts& facts) {
+    const bool floating = facts.type == GDT_Float32 || facts.type == GDT_Float64;
+    if (!facts.has_no_data || !floating || !(std::fabs(facts.no_data) > huge_no_data)) return 0;
+    return facts.no_data < 0 ? -1 : 1;
+}
+
 void RasterLayer::prepare() {
     // Whether each tile was read is kept, a byte for each (TileLedger).
     constexpr std::int64_t most_tiles = std::int64_t{1} << 30;
@@ -194,13 +201,12 @@ void RasterLayer::prepare() {
         throw DataError(text(facts_.named(), " has ", facts_.columns, " x ", facts_.rows, " posts in tiles of ",
                              facts_.unit_columns(), " x ", facts_.unit_rows(), "; accepted: ", most_tiles,
                              " (2^30) tiles at the most"));
-    const bool floating = facts_.type == GDT_Float32 || facts_.type == GDT_Float64;
     // The same conversion that the values go through: beyond float's range GDAL's.
     if (!(std::fabs(facts_.no_data) > static_cast<double>(std::numeric_limits<float>::max())))
         no_data_ = static_cast<float>(facts_.no_data);
     else
         GDALCopyWords(&facts_.no_data, GDT_Float64, 0, &no_data_, GDT_Float32, 0, 1);
-    no_data_is_huge_ = facts_.has_no_data && floating && std::fabs(facts_.no_data) > 1e30;
+    huge_sign_ = huge_no_data_sign(facts_);
     may_be_void_ = facts_.has_no_data || facts_.has_mask;
     const double largest = facts_.type == GDT_Byte     ? 255
                            : facts_.type == GDT_Int16  ? 32768
@@ -258,9 +264,10 @@ void RasterLayer::make_heights(const Window& window, float* out, std::int64_t st
         float* line = out + r * stride;
         if (facts_.signed_byte)
             for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] > 127 ? line[c] - 256 : line[c];
-        if (no_data_is_huge_) {
-            const float sign = facts_.no_data < 0 ? -1.0F : 1.0F;
-            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] * sign > 1e30F ? nan : line[c];
+        if (huge_sign_ != 0) {
+            constexpr auto huge = static_cast<float>(huge_no_data);
+            const auto sign = static_cast<float>(huge_sign_);
+            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] * sign > huge ? nan : line[c];
         } else if (facts_.has_no_data) {
             const float none = no_data_;
             for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] == none ? nan : line[c];
@@ -308,7 +315,7 @@ void RasterLayer::read_codes(const Window& window, std::int32_t* out) {
         const double none = facts_.type == GDT_Float32 ? static_cast<double>(no_data_) : facts_.no_data;
         for (std::size_t i = 0; i < n; ++i) {
             const double v = wide[i];
-            if (std::isnan(v) || (facts_.has_no_data && (v == none || (no_data_is_huge_ && v * none > 1e60)))) {
+            if (std::isnan(v) || (facts_.has_no_data && (v == none || v * huge_sign_ > huge_no_data))) {
                 out[i] = void_code;
             } else if (v > INT32_MIN && v <= INT32_MAX && v == std::trunc(v)) {
                 out[i] = static_cast<std::int32_t>(v);

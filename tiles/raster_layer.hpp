@@ -84,6 +84,11 @@ struct RasterFacts {
     std::int64_t own_columns() const;
 };
 
+/// A no-data value as large as this stands for all values beyond it: programs round it differently.
+inline constexpr double huge_no_data = 1e30;
+/// Of a raster with such a one: a value v is void where v times this is more than that. Else 0.
+double huge_no_data_sign(const RasterFacts& facts);
+
 /// DataError for fewer posts than a terrain must have.
 void check_terrain_size(const RasterFacts& facts);
 
@@ -160,7 +165,7 @@ private:
     bool may_be_void_ = false;      ///< some test for void is needed
     bool may_be_wild_ = false;      ///< the type can hold heights that are none
     float no_data_ = 0;             ///< as GDAL converts it
-    bool no_data_is_huge_ = false;  ///< -3.4e38 and its kind: all of its size and sign is void
+    double huge_sign_ = 0;          ///< huge_no_data_sign()
 };
 
 /// The no-data value (else 0) `count` times, as stored.

@@ -8,7 +8,6 @@
 #include <cstring>
 #include <exception>
 #include <limits>
-#include <numeric>
 #include <queue>
 #include <stdexcept>
 #include <utility>
@@ -26,48 +25,6 @@
 
 namespace wedgescope {
 namespace {
-
-/// Lowest and highest of many floats, NaN left out; in lanes, so that no comparison waits for the one before.
-class Range {
-public:
-    /// Returns the number of NaN.
-    std::uint64_t add(const std::vector<float>& values) {
-        std::uint32_t none[lanes] = {};
-        const std::size_t whole = values.size() / lanes * lanes;
-        for (std::size_t i = 0; i < whole; i += lanes)
-            for (std::size_t k = 0; k < lanes; ++k) {
-                const float z = values[i + k];
-                none[k] += z != z;
-                low_[k] = z < low_[k] ? z : low_[k];
-                high_[k] = z > high_[k] ? z : high_[k];
-            }
-        for (std::size_t i = whole; i < values.size(); ++i) {
-            const float z = values[i];
-            none[0] += z != z;
-            low_[0] = z < low_[0] ? z : low_[0];
-            high_[0] = z > high_[0] ? z : high_[0];
-        }
-        return std::accumulate(std::begin(none), std::end(none), std::uint64_t{0});
-    }
-    void add(const Range& other) {
-        for (std::size_t k = 0; k < lanes; ++k) {
-            low_[k] = std::min(low_[k], other.low_[k]);
-            high_[k] = std::max(high_[k], other.high_[k]);
-        }
-    }
-    float lowest() const { return *std::min_element(low_.begin(), low_.end()); }
-    float highest() const { return *std::max_element(high_.begin(), high_.end()); }
-
-private:
-    static constexpr std::size_t lanes = 16;
-    static std::array<float, lanes> filled(float value) {
-        std::array<float, lanes> out;
-        out.fill(value);
-        return out;
-    }
-    std::array<float, lanes> low_ = filled(std::numeric_limits<float>::infinity());
-    std::array<float, lanes> high_ = filled(-std::numeric_limits<float>::infinity());
-};
 
 /// Cells that may be read for these posts; all columns where a window leaves a raster that spans the circle.
 std::vector<Window> cells_under(const Axis& columns, const Axis& rows, const std::vector<Window>& posts) {
@@ -159,9 +116,7 @@ void RasterSource::open_height(std::unique_ptr<RasterLayer> raster) {
 Chunk RasterSource::load(const ChunkRequest& request) {
     Chunk chunk = begun_chunk(data_base_, request);
     const Window& all = request.window;
-    if (request.looked_at)
-        chunk.window = {intersection(all.columns, request.looked_at->columns),
-                        intersection(all.rows, request.looked_at->rows)};
+    if (request.looked_at) chunk.window = intersection(all, *request.looked_at);
     const Window& window = chunk.window;
     if (const auto height = request.flat_m(); height || window.empty()) {
         pass_surface(request, all);
@@ -408,8 +363,7 @@ std::size_t RasterSource::ledger_bytes() const {
 void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
     if (!params_.legend)
         throw InputError(
-            "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc, rat (its own attribute table) "
-            "or a "
+            "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc, rat (its own attribute table) or a "
             "CSV file of code,material");
     culture_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
     const RasterFacts& facts = culture_->facts();
@@ -418,12 +372,10 @@ void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
                              "; accepted: plain codes, scale 1 and offset 0"));
     data_base_.has_culture = true;
     data_base_.culture_name = facts.path;
-    data_base_.legend_name = params_.legend ? params_.legend->name() : "none";
-    if (params_.legend) {
-        std::string words;
-        for (const auto& [code, id] : params_.legend->classes()) words += text(code, ",", static_cast<int>(id), "\n");
-        data_base_.legend_sum = checksum(words);
-    }
+    data_base_.legend_name = params_.legend->name();
+    std::string words;
+    for (const auto& [code, id] : params_.legend->classes()) words += text(code, ",", static_cast<int>(id), "\n");
+    data_base_.legend_sum = checksum(words);
     data_base_.culture_column_offset = culture_->columns().offset;
     data_base_.culture_column_scale = culture_->columns().scale;
     data_base_.culture_row_offset = culture_->rows().offset;
@@ -437,17 +389,12 @@ void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
         if (place_in_table(code) < table_size) class_of_[place_in_table(code)] = id;
 }
 
-std::int64_t RasterSource::wrapped(std::int64_t column) const {
-    const std::int64_t cycle = data_base_.cycle_columns;
-    const std::int64_t rest = column % cycle;
-    return rest < 0 ? rest + cycle : rest;
-}
-
 std::vector<Run> RasterSource::terrain_runs(Interval columns) const {
     if (!data_base_.cyclic || (columns.begin >= 0 && columns.end <= data_base_.columns))
         return {{0, columns.size(), columns}};
     std::vector<std::int64_t> source(static_cast<std::size_t>(columns.size()));
-    for (std::size_t i = 0; i < source.size(); ++i) source[i] = wrapped(columns.begin + static_cast<std::int64_t>(i));
+    for (std::size_t i = 0; i < source.size(); ++i)
+        source[i] = data_base_.real_column(columns.begin + static_cast<std::int64_t>(i));
     return runs(source, 1);
 }
 
@@ -701,8 +648,7 @@ Extremes RasterSource::find_extremes() {
     for_each_window(facts, facts.own_columns(), posts, [&](const Window& window) { windows.push_back(window); });
     const ChunkRequest everything;
     const NeededPosts all(everything);
-    Extremes out;
-    Range bare, surface;
+    PostExtremes bare, surface;
     std::mutex mutex;  // of these
     std::exception_ptr error;
     std::size_t failed = windows.size();  // the first in the file's order, so that no order of threads shows
@@ -710,18 +656,17 @@ Extremes RasterSource::find_extremes() {
         if (params_.stop) params_.stop->check();
         const auto n = static_cast<std::size_t>(window.posts());
         std::vector<float> terrain(n), culture, scratch;
-        Range own, own_surface;
         terrain_->read_heights(window, terrain.data(), window.columns.size());
-        const std::uint64_t voids = own.add(terrain);
+        const PostExtremes own = post_extremes(terrain.data(), n, 1, n);
+        PostExtremes own_surface;
         if (height_) {
             culture.resize(n);
             height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale, all,
                                   culture.data(), scratch);
             for (std::size_t i = 0; i < n; ++i) terrain[i] += culture[i];
-            own_surface.add(terrain);
+            own_surface = post_extremes(terrain.data(), n, 1, n);
         }
         const std::lock_guard lock(mutex);
-        out.void_posts += voids;
         bare.add(own);
         surface.add(own_surface);
     };
@@ -750,11 +695,8 @@ Extremes RasterSource::find_extremes() {
         });
     }
     if (error) std::rethrow_exception(error);
-    out.any_valid = bare.lowest() <= bare.highest();
-    if (out.any_valid) {
-        out.lowest_m = bare.lowest();
-        out.highest_m = height_ ? surface.highest() : bare.highest();
-    }
+    Extremes out = extremes_of(bare);
+    if (out.any_valid && height_) out.highest_m = surface.highest_m;
     return out;
 }
 

@@ -84,8 +84,6 @@ protected:
     void open_culture(std::unique_ptr<RasterLayer> raster);
     void open_height(std::unique_ptr<RasterLayer> raster);
 
-    std::int64_t wrapped(std::int64_t column) const;
-
     /// The terrain columns of a window, in runs that can be read.
     std::vector<Run> terrain_runs(Interval columns) const;
 

@@ -12,11 +12,6 @@
 #include "tiles/needed_posts.hpp"
 
 namespace wedgescope {
-namespace {
-
-std::int64_t modulo(std::int64_t a, std::int64_t n) { return ((a % n) + n) % n; }
-
-}  // namespace
 
 SharedSource::SharedSource(std::unique_ptr<WedgeSource> source, std::size_t memory_bytes)
     : source_(std::move(source)), data_base_(source_->data_base()) {
@@ -93,7 +88,7 @@ void SharedSource::copy_row(const std::vector<float>& layer, Interval columns, s
     const float* const from = layer.data() + row * data_base_.columns;
     const std::int64_t cycle = data_base_.cyclic ? data_base_.cycle_columns : data_base_.columns;
     while (!columns.empty()) {
-        const std::int64_t first = data_base_.cyclic ? modulo(columns.begin, cycle) : columns.begin;
+        const std::int64_t first = data_base_.real_column(columns.begin);
         const std::int64_t n = std::min(columns.size(), cycle - first);
         to = std::copy_n(from + first, n, to);
         columns.begin += n;
@@ -168,10 +163,8 @@ CultureCells SharedSource::load_classes(const Window& window) {
     const Interval columns = intersection(window.columns, {0, wide}),
                    rows = intersection(window.rows, {0, data_base_.culture_rows});
     for (std::int64_t r = rows.begin; r < rows.end && !columns.empty(); ++r)
-        std::copy_n(
-            classes_.begin() + static_cast<std::ptrdiff_t>(r * wide + columns.begin), columns.size(),
-            cells.classes.begin() + static_cast<std::ptrdiff_t>((r - window.rows.begin) * window.columns.size() +
-                                                                columns.begin - window.columns.begin));
+        std::copy_n(classes_.begin() + static_cast<std::ptrdiff_t>(r * wide + columns.begin), columns.size(),
+                    cells.classes.begin() + static_cast<std::ptrdiff_t>(window.at(columns.begin, r)));
     return cells;
 }
 

@@ -19,21 +19,21 @@ namespace {
 /// Voids of one stored type, as reading takes them.
 template <class T>
 struct Void {
-    explicit Void(const RasterFacts& facts) : has(facts.has_no_data), no_data(facts.no_data) {
+    explicit Void(const RasterFacts& facts)
+        : has(facts.has_no_data), huge_sign(huge_no_data_sign(facts)), no_data(facts.no_data) {
         GDALCopyWords(&no_data, GDT_Float64, 0, &as_float, GDT_Float32, 0, 1);
-        huge = has && std::is_floating_point_v<T> && std::fabs(no_data) > 1e30;
         GDALCopyWords(&no_data, GDT_Float64, 0, &value, facts.type, 0, 1);
         if (!has && std::is_floating_point_v<T>) value = static_cast<T>(std::nan(""));
     }
     bool operator()(T v) const {
         if constexpr (std::is_floating_point_v<T>) {
             if (std::isnan(v)) return true;
-            if (huge) return static_cast<double>(v) * (no_data < 0 ? -1 : 1) > 1e30;
+            if (huge_sign != 0) return static_cast<double>(v) * huge_sign > huge_no_data;
         }
         return has && static_cast<float>(v) == as_float;
     }
-    bool has = false, huge = false;
-    double no_data = 0;
+    bool has = false;
+    double huge_sign = 0, no_data = 0;
     float as_float = 0;
     T value{};
 };
@@ -246,7 +246,7 @@ SheetSums SheetWriter::finish() {
                 } catch (const DataError& e) {
                     throw IoError(text(e.what(), " right after it was written; do the creation options lose bits?"));
                 }
-    sync_path(path_, false);
+    sync_file(path_);
     return sums_;
 }
 

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <xxhash.h>
 
 #include <algorithm>
 #include <bit>
@@ -16,6 +15,7 @@
 #include <utility>
 
 #include "lib/error.hpp"
+#include "tiles/checksum.hpp"
 #include "tiles/claim.hpp"
 
 namespace wedgescope {
@@ -52,9 +52,9 @@ std::string keep_stem(const std::string& path) {
 }
 
 std::uint64_t checksum_of(const BlockHeader& header, const std::byte* bytes, std::size_t n) {
-    return XXH3_64bits_withSeed(bytes, n, XXH3_64bits(&header, offsetof(BlockHeader, checksum)));
+    return checksum(bytes, n, checksum(&header, offsetof(BlockHeader, checksum)));
 }
-std::uint64_t checksum_of(const FileHeader& header) { return XXH3_64bits(&header, offsetof(FileHeader, checksum)); }
+std::uint64_t checksum_of(const FileHeader& header) { return checksum(&header, offsetof(FileHeader, checksum)); }
 
 std::uint64_t place_of(std::size_t layer, std::int64_t column, std::int64_t row) {
     constexpr std::uint64_t mask = (std::uint64_t{1} << 28) - 1;
@@ -197,9 +197,8 @@ std::size_t Spill::index_bytes() const {
 Spill::Slot* Spill::slot(std::size_t layer, std::int64_t column, std::int64_t row) const {
     Layer& l = *layers_.at(layer);
     const Window& blocks = l.facts.blocks;
-    if (!blocks.columns.contains(column) || !blocks.rows.contains(row)) return nullptr;
-    return &l.slots[static_cast<std::size_t>((row - blocks.rows.begin) * blocks.columns.size() + column -
-                                             blocks.columns.begin)];
+    if (!blocks.contains(column, row)) return nullptr;
+    return &l.slots[blocks.at(column, row)];
 }
 
 bool Spill::holds(std::size_t layer, std::int64_t column, std::int64_t row) const {
@@ -345,7 +344,7 @@ void Spill::keep(const std::string& description) {
     FileHeader header;
     header.index_offset = file_end_;
     header.index_bytes = index.bytes().size();
-    header.index_checksum = XXH3_64bits(index.bytes().data(), index.bytes().size());
+    header.index_checksum = checksum(index.bytes().data(), index.bytes().size());
     header.checksum = checksum_of(header);
     write(index.bytes(), file_end_);
     file_end_ = file_end_ + index.bytes().size();
@@ -385,8 +384,7 @@ void Spill::read_index() {
         damaged(text("it is ", size, " bytes long, not ", header.index_offset + header.index_bytes).c_str());
     std::vector<std::byte> bytes(header.index_bytes);
     read(header.index_offset, bytes, "index");
-    if (XXH3_64bits(bytes.data(), bytes.size()) != header.index_checksum)
-        damaged("its index does not match its checksum");
+    if (checksum(bytes.data(), bytes.size()) != header.index_checksum) damaged("its index does not match its checksum");
     IndexText index(std::move(bytes));
     std::uint64_t count = 0;
     if (!index.take_string(description_) || !index.take(count)) damaged("its index is too short");

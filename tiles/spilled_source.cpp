@@ -35,11 +35,11 @@ ResolvedScene placed(Scene scene, WedgeSource& source) {
 PartitionScope scope_of_pass(const ResolvedScene& scene, bool range_given, const SpillOptions& options) {
     PartitionScope scope = scope_of(scene);
     if (!range_given) {
-        // resolve() refuses a range beyond 0.3 radii.
-        constexpr double largest_radius_m = 6.4e6;
+        // resolve() refuses a range beyond Earth::farthest_radii.
+        constexpr double largest_radius_m = 1.025 * 6.4e6;
         scope.reach_m.reset();
         if (scene.scene.earth_k && !options.all_of_it)
-            scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
+            scope.reach_m = Earth::farthest_radii * *scene.scene.earth_k * largest_radius_m;
     }
     if (options.only) {
         scope.from_rad = options.only->from_rad;

@@ -149,9 +149,8 @@ std::uint64_t StoreLayer::fingerprint(const StoreLayerEntry& entry, const Sheets
     sum.add(static_cast<std::uint64_t>(entry.facts.rows));
     for (const auto& [place, sheet] : sheets) {
         const Window posts = entry.posts(place.first, place.second);
-        const bool met = std::any_of(cells.begin(), cells.end(), [&](const Window& w) {
-            return !intersection(w.columns, posts.columns).empty() && !intersection(w.rows, posts.rows).empty();
-        });
+        const bool met =
+            std::any_of(cells.begin(), cells.end(), [&](const Window& w) { return !intersection(w, posts).empty(); });
         if (!met && !cells.empty()) continue;
         sum.add(static_cast<std::uint64_t>(place.first));
         sum.add(static_cast<std::uint64_t>(place.second));

@@ -355,7 +355,7 @@ bool StoreWriter::finished_before(const Job& job, Done& done) {
             sums.file_bytes != file_bytes(path))
             return false;
         if (job.layer->kind == StoreLayerKind::dem) {
-            const Window pages = blocks_of(posts, 6);  // 64 blocks of 32 posts
+            const Window pages = block_pages_of(posts);
             for (std::int64_t r = pages.rows.begin; r < pages.rows.end; ++r)
                 for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
                     if (!map_->holds(0, c, r)) return false;
@@ -429,7 +429,7 @@ public:
     Sheet(StoreWriter& store, const Job& job, std::vector<std::size_t> pieces)
         : store_(store), job_(job), layer_(*job.layer), pieces_(std::move(pieces)), done_(store.done_of(job)),
           posts_(layer_.entry.posts(job.column, job.row)), path_(store.inside(done_.sheet.file)),
-          pages_posts_(blocks_of(posts_, 6)),
+          pages_posts_(block_pages_of(posts_)),
           writer_(layer_.entry.facts, layer_.codes(), posts_, temporary(), layer_.creation) {
         if (!is_dem()) return;
         pages_.assign(static_cast<std::size_t>(pages_posts_.posts()), BlockPage(page_blocks * page_blocks));
@@ -584,7 +584,7 @@ void StoreWriter::make(const std::vector<Job>& row) {
             // Nothing but voids: the sheet is left out.
             const std::int64_t own = intersection(posts.columns, {0, layer.entry.facts.own_columns()}).size();
             done.values.voids = static_cast<std::uint64_t>(own * posts.rows.size());
-            const Window pages = blocks_of(posts, 6);
+            const Window pages = block_pages_of(posts);
             for (std::int64_t r = pages.rows.begin; dem && r < pages.rows.end; ++r)
                 for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
                     map_->write(0, c, r, BlockPage(page_blocks * page_blocks));
@@ -650,7 +650,7 @@ void StoreWriter::finish() {
             if (now[k] != layers_[i]->before[k])
                 throw DataError(text(entry.facts.role, " '", entry.sources[k].path, "' changed while it was read"));
         manifest_.layers.push_back(entry);
-        sync_path(inside(name(layers_[i]->kind)), true);
+        sync_directory(inside(name(layers_[i]->kind)));
     }
     const auto part = [&](const char* name) { return whole_file(inside(name), PlainFile::Use::read); };
     manifest_.block_map_imprint = BlockMapFile(part(store_map_name), manifest_.map_shape(), 1).imprint();
@@ -658,7 +658,7 @@ void StoreWriter::finish() {
     manifest_.class_table = !params_.class_table.empty();
     if (manifest_.class_table) replace_file(inside(store_classes_name), params_.class_table);
     replace_file(inside(manifest_name), manifest_text(manifest_));
-    sync_path(folder_.folder(), true);
+    sync_directory(folder_.folder());
 }
 
 TileStoreSummary StoreWriter::summary() const {

@@ -296,7 +296,7 @@ void UnfinishedStore::move_into_place(bool overwrite) {
     }
     plan_.reset();
     const std::string parent = fs::path(output_).parent_path().string();
-    sync_path(parent.empty() ? "." : parent, true);
+    sync_directory(parent.empty() ? "." : parent);
 }
 
 }  // namespace wedgescope

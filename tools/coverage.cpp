@@ -53,8 +53,7 @@ json report_json(const Settings& settings, const CoverageReport& report, const D
     out["total"] = quadrant_json(report.total());
     add_skipped(out, report.skipped);
     out["source"] = source_json(report.source);
-    out["states"] = json::object();
-    for (std::size_t i = 0; i < report.states.size(); ++i) out["states"][state_names[i]] = report.states[i];
+    out["states"] = states_json(report.states);
     out["reused"] = 0;
     out["levels"] = json::array();
     out["stages_wall_s"] = json{{"sweep", report.wall_s}, {"write", report.write_s}};

@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "lib/block_map.hpp"
+#include "lib/length.hpp"
 #include "lib/material.hpp"
 #include "lib/plan.hpp"
 #include "tiles/gdal_session.hpp"
@@ -36,15 +38,15 @@ struct CodeCount {
     std::string material;  ///< empty: unknown
 };
 
-struct RasterFacts {
+struct RasterView {
     RasterSummary summary;
     std::string legend;  ///< empty: codes not asked for
     std::vector<CodeCount> codes;  ///< empty too where they are too many to be listed
 };
 
-RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend, const Materials& materials,
-                         const Stop& stop) {
-    RasterFacts facts{summarise_raster(path, legend.has_value(), &stop), "", {}};
+RasterView raster_facts(const std::string& path, const std::optional<Legend>& legend, const Materials& materials,
+                        const Stop& stop) {
+    RasterView facts{summarise_raster(path, legend.has_value(), &stop), "", {}};
     if (!legend) return facts;
     facts.legend = legend->name();
     for (const auto& [code, count] : facts.summary.codes.counts()) {
@@ -54,7 +56,7 @@ RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& l
     return facts;
 }
 
-std::uint64_t unknown_cells(const RasterFacts& facts) {
+std::uint64_t unknown_cells(const RasterView& facts) {
     std::uint64_t cells = 0;
     for (const CodeCount& c : facts.codes) cells += c.material.empty() ? c.count : 0;
     return cells;
@@ -71,7 +73,7 @@ json no_data_json(bool has_no_data, double value) {
     return std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity";
 }
 
-json to_json(const RasterFacts& facts) {
+json to_json(const RasterView& facts) {
     const RasterSummary& r = facts.summary;
     json out{{"path", r.path},
              {"kind", "raster"},
@@ -165,7 +167,7 @@ std::string rows_of_bins(const RasterSummary& r, const PolarAxes& polar) {
     return out;
 }
 
-std::string to_text(const RasterFacts& facts) {
+std::string to_text(const RasterView& facts) {
     const RasterSummary& r = facts.summary;
     const std::uint64_t posts = posts_of(r);
     const double all = static_cast<double>(posts);
@@ -261,9 +263,9 @@ json to_json(const StoreFacts& facts) {
 std::string to_text(const StoreDescription& s) {
     std::string out = row(
         "tile store", text("version ", s.version, ", by ", s.software, s.legend.empty() ? "" : ", legend ", s.legend));
-    out += row("block map", fmt::format("{} of blocks of 32 x 32 posts and more, {}",
-                                        counted(static_cast<std::uint64_t>(s.block_levels), "level"),
-                                        readable_bytes(static_cast<double>(s.block_map_bytes))));
+    out += row("block map", fmt::format("{} of blocks of {} x {} posts and more, {}",
+                                        counted(static_cast<std::uint64_t>(s.block_levels), "level"), block_posts,
+                                        block_posts, readable_bytes(static_cast<double>(s.block_map_bytes))));
     for (const auto& layer : s.layers) {
         const std::uint64_t posts = static_cast<std::uint64_t>(layer.columns) * static_cast<std::uint64_t>(layer.rows);
         out += fmt::format("  {}\n", layer.name);
@@ -421,7 +423,7 @@ std::string to_text(const SceneFacts& facts) {
                            s.sector ? fmt::format("{:.6g}deg to {:.6g}deg", s.sector->from.deg(), s.sector->to.deg())
                                     : std::string("full circle")));
     out += row("range", fmt::format("{:.1f} to {:.1f} m ({:.2f} nmi) {}", s.range_start_m, s.range_m.value_or(0),
-                                    s.range_m.value_or(0) / 1852,
+                                    s.range_m.value_or(0) / nautical_mile_m,
                                     s.display.kind == DisplayKind::gpi_true ? "along the ground" : "slant"));
     out += row("bins", fmt::format("{} azimuths of {} in the circle, {} ranges of {:.4f} m; swept {} x {} with the "
                                    "beam's skirt and the pulse's lead-in",
@@ -602,7 +604,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {
             check_summary(settings, path);
-            const RasterFacts facts =
+            const RasterView facts =
                 raster_facts(path, own ? legend(settings, path) : codes, settings.scene.materials, stop);
             add(facts);
             look_at(path, facts.summary.lowest);

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "lib/error.hpp"
+#include "lib/length.hpp"
 #include "lib/receiver.hpp"
 #include "tiles/claim.hpp"
 #include "tools/terminal.hpp"
@@ -116,7 +117,7 @@ std::string trimmed_number(double value, int digits) {
 
 /// To four digits, as steps and ranges that are round numbers of another unit need them.
 std::string in_nautical_miles(double metres) {
-    const double miles = metres / 1852;
+    const double miles = metres / nautical_mile_m;
     return trimmed_number(miles, miles < 10 ? 3 : miles < 100 ? 2 : 1);
 }
 std::string nautical_miles(double metres) { return in_nautical_miles(metres) + " nmi"; }
@@ -177,10 +178,10 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
         line("x", trimmed_number(r.x, 1));
         line("y", trimmed_number(r.y, 1));
     }
-    line("Altitude MSL", fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m, r.sensor_m / 0.3048));
+    line("Altitude MSL", fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m, r.sensor_m / foot_m));
     if (r.nadir_on_data)
         line("Above ground",
-             fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m - r.reference_m, (r.sensor_m - r.reference_m) / 0.3048));
+             fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m - r.reference_m, (r.sensor_m - r.reference_m) / foot_m));
     line("Heading", degrees(s.platform.heading));
     line("Sector", s.sector ? trimmed_number(s.sector->from.deg(), 2) + " to " + degrees(s.sector->to) : "full circle");
 

@@ -29,6 +29,7 @@ struct Line {
     const char* unit;
     std::string note;
     bool part = false;  ///< of the line above
+    int decimals = 3;
 };
 
 constexpr const char *decibel = "dB", *dbm_unit = "dBm", *dbsm = "dBsm";
@@ -62,7 +63,7 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
     const bool echo = b.cross_section_m2 > 0;
     std::vector<Line> out;
     const auto add = [&](std::string name, std::optional<double> value, const char* unit, std::string note = {}) {
-        out.push_back({std::move(name), value, unit, std::move(note)});
+        out.push_back({std::move(name), value, unit, std::move(note), false, *unit ? 3 : 4});
     };
     /// Of the ground in the cell: without any there is no mean of it.
     const auto factor = [&](std::string name, double ratio, bool on, std::string note) {
@@ -136,6 +137,7 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
     add("grey level", b.levels.grey, "",
         receiver.display_gamma == 1 ? std::string("255 video")
                                     : fmt::format("255 video^(1/{:.6g})", receiver.display_gamma));
+    out.back().decimals = 0;
     return out;
 }
 
@@ -195,8 +197,7 @@ std::string page_text(const Page& page) {
             out += fmt::format("  {} more, each {:.0f} dB and more below\n", faint, faint_db);
             faint = 0;
         }
-        const int digits = *line.unit ? 3 : line.name == "grey level" ? 0 : 4;
-        const std::string value = line.value ? fmt::format("{:.{}f}", *line.value, digits) : "-";
+        const std::string value = line.value ? fmt::format("{:.{}f}", *line.value, line.decimals) : "-";
         std::string text =
             fmt::format("{:<28}{:>10} {:<6}{}", (line.part ? "  " : "") + line.name, value, line.unit, line.note);
         text.erase(text.find_last_not_of(' ') + 1);

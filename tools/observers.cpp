@@ -188,24 +188,29 @@ public:
 
     void counts(std::span<std::uint16_t> numbers) {
         for (std::uint16_t& n : numbers) {
-            note(n);
-            n = n == 1 ? CoverageFile::no_count : static_cast<std::uint16_t>(n < 2 ? 0 : n - 2);
+            const SeenNumber of_post{n};
+            note(of_post);
+            n = of_post.no_data() ? CoverageFile::no_count : of_post.observers();
         }
     }
     void mask(std::span<const std::uint16_t> numbers, std::uint8_t* out) {
         for (const std::uint16_t n : numbers) {
-            note(n);
-            *out++ = n == 0 ? mask_.outside : n == 1 ? mask_.no_data : n - 2 >= enough_ ? mask_.seen : mask_.hidden;
+            const SeenNumber of_post{n};
+            note(of_post);
+            *out++ = of_post.outside()                ? mask_.outside
+                     : of_post.no_data()              ? mask_.no_data
+                     : of_post.observers() >= enough_ ? mask_.seen
+                                                      : mask_.hidden;
         }
     }
 
 private:
-    void note(std::uint16_t n) {
-        if (n < 2) {
-            ++(n == 0 ? posts_.outside : posts_.no_data);
+    void note(SeenNumber n) {
+        if (!n.looked_at()) {
+            ++(n.outside() ? posts_.outside : posts_.no_data);
             return;
         }
-        const auto seen = static_cast<std::uint16_t>(n - 2);
+        const std::uint16_t seen = n.observers();
         ++(seen == 0 ? posts_.unseen : posts_.seen);
         posts_.enough += seen >= enough_;
         posts_.most = std::max(posts_.most, seen);

@@ -168,7 +168,7 @@ bool names_scene(std::string_view path) {
 }
 
 Settings parse_scene_file(const std::string& path) {
-    std::vector<Given> given = read_scene_file(path);
+    std::vector<Given> given = merged(read_scene_file(path), {});
     add_store_defaults(given, {});
     return settings_of(given);
 }

@@ -28,22 +28,11 @@ WedgeReport sum(Iterator begin, Iterator end) {
     WedgeReport total;
     for (Iterator w = begin; w != end; ++w) {
         if (w->reused) continue;
-        for (const CpuStage& stage : cpu_stages) total.*stage.seconds += (*w).*stage.seconds;
-        total.wall_s += w->wall_s;
-        total.memory_wait_s += w->memory_wait_s;
-        total.disk_wait_s += w->disk_wait_s;
-        total.bytes_spilled += w->bytes_spilled;
-        total.bytes_skipped += w->bytes_skipped;
-        total.posts_read += w->posts_read;
+        const std::size_t peak_bytes = std::max(total.peak_bytes, w->peak_bytes);
+        for (const auto& seconds : wedge_seconds) total.*seconds.member += (*w).*seconds.member;
+        for (const auto& count : wedge_counts) total.*count.member += (*w).*count.member;
         for (std::size_t cause = 0; cause < skip_count; ++cause) total.posts_skipped[cause] += w->posts_skipped[cause];
-        total.bytes_read += w->bytes_read;
-        total.chunks += w->chunks;
-        total.samples += w->samples;
-        total.visible_pieces += w->visible_pieces;
-        total.refined_bins += w->refined_bins;
-        total.doubtful_bins += w->doubtful_bins;
-        total.bytes_again += w->bytes_again;
-        total.peak_bytes = std::max(total.peak_bytes, w->peak_bytes);
+        total.peak_bytes = peak_bytes;
     }
     return total;
 }
@@ -180,6 +169,12 @@ std::string usage_lines(const Usage& usage, int threads, std::size_t budget_byte
     return out;
 }
 
+nlohmann::ordered_json states_json(const std::array<std::uint64_t, state_count>& counts) {
+    auto states = nlohmann::ordered_json::object();
+    for (std::size_t code = 0; code < counts.size(); ++code) states[state_names[code]] = counts[code];
+    return states;
+}
+
 nlohmann::ordered_json sampling_json(const Sampling& sampling) {
     return {{"spokes_per_post", sampling.spokes_per_post},
             {"spokes_per_bin", sampling.spokes_per_bin},
@@ -239,20 +234,18 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         entry.update(facts(wedge));
         out["wedges"].push_back(entry);
     }
-    out["total"] = facts(sum(report.wedges.begin(), report.wedges.end()));
+    const WedgeReport all = sum(report.wedges.begin(), report.wedges.end());
+    out["total"] = facts(all);
     out["total"].erase("wall_s");  // the wedges' overlap in time
     add_skipped(out, report.skipped);
     out["source"] = source_json(report.source);
-    out["states"] = json::object();
-    for (std::size_t code = 0; code < report.states.size(); ++code)
-        out["states"][state_names[code]] = report.states[code];
+    out["states"] = states_json(report.states);
     const RunReport::Planned& plan = report.planned;
-    const WedgeReport actual = sum(report.wedges.begin(), report.wedges.end());
     out["plan"] = json{
         {"wedges", {{"planned", plan.wedges}, {"actual", report.wedges.size() - reused_count(report)}}},
-        {"chunks", {{"planned", plan.chunks}, {"actual", actual.chunks}}},
-        {"posts", {{"planned", plan.posts}, {"actual", actual.posts_read}}},
-        {"bytes_read", {{"planned", plan.bytes}, {"actual", actual.bytes_read}}},
+        {"chunks", {{"planned", plan.chunks}, {"actual", all.chunks}}},
+        {"posts", {{"planned", plan.posts}, {"actual", all.posts_read}}},
+        {"bytes_read", {{"planned", plan.bytes}, {"actual", all.bytes_read}}},
         {"partition_bytes",
          {{"planned", report.source.planned_partition_bytes}, {"actual", report.source.partition_bytes}}},
         {"bytes_spilled", {{"planned", report.source.planned_spilled_bytes}, {"actual", report.source.spilled_bytes}}},

@@ -42,6 +42,8 @@ nlohmann::ordered_json inputs_json(const std::vector<InputFile>& inputs);
 /// Tiles that were read, and those that nobody has read by cause: together all of the data base's.
 void add_skipped(nlohmann::ordered_json& report, const Skipped& skipped);
 nlohmann::ordered_json source_json(const SourceReport& source);
+/// Cells or posts by the name of their state.
+nlohmann::ordered_json states_json(const std::array<std::uint64_t, state_count>& counts);
 nlohmann::ordered_json sampling_json(const Sampling& sampling);
 /// Times, I/O and memory of the process, at the end of a report.
 void add_usage(nlohmann::ordered_json& report, const Usage& usage);

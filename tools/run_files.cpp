@@ -204,18 +204,20 @@ void check_folder(const char* key, const std::string& folder, const NamedPaths& 
 
 std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
 
-static constexpr std::size_t raster_paths = 3;  // of data_paths, the first
+static NamedPaths raster_paths(const Settings& s) {
+    return {{"dem", s.dem}, {"culture", s.culture}, {"culture-height", s.culture_height}};
+}
+
+static NamedPaths table_paths(const Settings& s) {
+    return {
+        {"culture-legend", legend_path(s)}, {"class-table", s.class_table}, {"track", s.track}, {"set", set_file(s)},
+        {"antenna", s.antenna_file},        {"observers", s.observers}};
+}
 
 NamedPaths data_paths(const Settings& s) {
-    return {{"dem", s.dem},
-            {"culture", s.culture},
-            {"culture-height", s.culture_height},
-            {"culture-legend", legend_path(s)},
-            {"class-table", s.class_table},
-            {"track", s.track},
-            {"set", set_file(s)},
-            {"antenna", s.antenna_file},
-            {"observers", s.observers}};
+    NamedPaths paths = raster_paths(s);
+    for (NamedPath& table : table_paths(s)) paths.push_back(std::move(table));
+    return paths;
 }
 
 NamedPaths input_paths(const Settings& s) {
@@ -256,10 +258,12 @@ InputFile input_file(const std::string& key, const std::string& path, const std:
 
 std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base, const std::string& scene_file) {
     std::vector<InputFile> inputs;
-    const NamedPaths paths = data_paths(s);
-    for (std::size_t i = 0; i < paths.size(); ++i)
-        if (const auto& [key, path] = paths[i]; !path.empty())
-            inputs.push_back(input_file(key, path, i < raster_paths ? crs_name(data_base.crs_wkt) : ""));
+    const auto add = [&inputs](const NamedPaths& paths, const std::string& crs) {
+        for (const auto& [key, path] : paths)
+            if (!path.empty()) inputs.push_back(input_file(key, path, crs));
+    };
+    add(raster_paths(s), crs_name(data_base.crs_wkt));
+    add(table_paths(s), "");
     if (!scene_file.empty()) inputs.push_back(input_file("scene", scene_file));
     return inputs;
 }

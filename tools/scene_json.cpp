@@ -149,11 +149,15 @@ std::string echo_scene_json(const Settings& settings, const RunResult& run, cons
         if (const auto value = key.get(settings);
             value && key.group == KeyGroup::data_base && !takes_path(key) && !key.changes_result)
             words[key.name] = *value;
-    const double post_m = detail_post_m(run.scene, data_base);
+    const auto finite = [](double number) {
+        return std::isfinite(number) ? nlohmann::ordered_json(number) : nlohmann::ordered_json(nullptr);
+    };
     nlohmann::ordered_json echo;
     echo["revision"] = echo_revision;
     echo["levels"] = run.levels;
-    echo["detail_post_m"] = std::isfinite(post_m) ? nlohmann::ordered_json(post_m) : nlohmann::ordered_json(nullptr);
+    echo["detail_post_m"] = finite(detail_post_m(run.scene, data_base));
+    echo["longer_post_m"] = run.scene.longer_post_m;
+    echo["clearance_m"] = finite(run.scene.clearance_m);
     echo["data_base"] = words;
     echo["crs_wkt"] = data_base.crs_wkt;
     echo["metres_per_unit"] = data_base.metres_per_unit;

@@ -49,9 +49,7 @@ nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& setting
         inputs.push_back(
             input_file(i == 0 ? "echo" : "scene", settings.files[i], i == 0 ? crs_name(echo.crs_wkt) : ""));
     out["inputs"] = inputs_json(inputs);
-    out["states"] = json::object();
-    for (std::size_t code = 0; code < report.states.size(); ++code)
-        out["states"][state_names[code]] = report.states[code];
+    out["states"] = states_json(report.states);
     out["stages_wall_s"] = json{{"read", read_s},
                                 {"beam", report.beam_s},
                                 {"receiver", report.receiver_s},

@@ -88,6 +88,10 @@ PolarGrid grid_in(const Member& resolved, const char* name) {
     return out;
 }
 
+double number_or_infinite(const Member& from, const char* key) {
+    return from.at(key).is_null() ? std::numeric_limits<double>::infinity() : from.number(key);
+}
+
 std::uint64_t hex_number(const Member& from, const char* key) {
     const std::string digits = from.words(key);
     std::uint64_t sum = 0;
@@ -149,8 +153,7 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     out.checksum = hex_number(echo, "checksum");
     out.said = without_checksum(all);
     out.levels = echo.flag("levels");
-    out.post_m =
-        echo.at("detail_post_m").is_null() ? std::numeric_limits<double>::infinity() : echo.number("detail_post_m");
+    out.post_m = number_or_infinite(echo, "detail_post_m");
     out.crs_wkt = echo.words("crs_wkt");
     out.metres_per_unit = echo.number("metres_per_unit");
 
@@ -168,6 +171,8 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     place.nadir_on_data = resolved.flag("nadir_on_data");
     place.sensor_m = resolved.number("sensor_height_m");
     place.reference_m = resolved.number("reference_height_m");
+    place.longer_post_m = echo.number("longer_post_m");
+    place.clearance_m = number_or_infinite(echo, "clearance_m");
     place.rain_floor = rain_floor_in(resolved);
     place.earth = Earth::of_curvature(resolved.number("earth_inverse_radius_per_m"));
     place.scene.range_m = resolved.number("range_m");

@@ -38,13 +38,12 @@ json frame_json(const TrackFrames& frames, std::size_t frame, const FrameReport&
         if (!path.empty()) out["files"].push_back(path);
     out["start_s"] = r.start_s - start_s;
     out["wall_s"] = r.end_s - r.start_s;
-    json wall, cpu, states;
+    json wall, cpu;
     for (std::size_t i = 0; i < frame_stages; ++i) wall[stage_names[i]] = r.wall_s[i];
     for (std::size_t i = 0; i < std::size(cpu_stages); ++i) cpu[cpu_stages[i].name] = r.cpu_s[i];
-    for (std::size_t code = 0; code < r.states.size(); ++code) states[state_names[code]] = r.states[code];
     out["stages_wall_s"] = wall;
     out["cpu_s"] = cpu;
-    out["states"] = states;
+    out["states"] = states_json(r.states);
     out["sampling"] = sampling_json(r.sampling);
     out["samples"] = r.samples;
     out["visible_pieces"] = r.pieces;

@@ -9,6 +9,7 @@
 #include <span>
 #include <system_error>
 
+#include "lib/length.hpp"
 #include "lib/lower_case.hpp"
 
 namespace wedgescope {
@@ -25,8 +26,8 @@ struct Unit {
 
 constexpr double radians_per_degree = std::numbers::pi / 180;  // the expression of Angle::degrees: the same bits
 
-constexpr Unit lengths[] = {{"m"},           {"km", 1, 3},     {"ft", 0.3048}, {"kft", 304.8},
-                            {"nmi", 1852.0}, {"mi", 1609.344}, {"yd", 0.9144}};
+constexpr Unit lengths[] = {
+    {"m"}, {"km", 1, 3}, {"ft", foot_m}, {"kft", 304.8}, {"nmi", nautical_mile_m}, {"mi", 1609.344}, {"yd", 0.9144}};
 constexpr Unit times[] = {{"s"}, {"ms", 1, -3}, {"us", 1, -6}, {"ns", 1, -9}};
 constexpr Unit frequencies[] = {{"Hz"}, {"kHz", 1, 3}, {"MHz", 1, 6}, {"GHz", 1, 9}};
 constexpr Unit powers[] = {
@@ -41,31 +42,32 @@ constexpr Unit sizes[] = {
 constexpr Unit rain_rates[] = {{"mm/h"}, {"in/h", 25.4}};
 constexpr Unit densities[] = {{"g/m3"}, {"g/m^3"}, {"kg/m3", 1, 3}};
 
-std::span<const Unit> units(Dimension dimension) {
-    switch (dimension) {
-        case Dimension::length:
-            return lengths;
-        case Dimension::time:
-            return times;
-        case Dimension::frequency:
-            return frequencies;
-        case Dimension::power:
-            return powers;
-        case Dimension::level:
-            return levels;
-        case Dimension::angle:
-            return angles;
-        case Dimension::decibel:
-            return decibels;
-        case Dimension::bytes:
-            return sizes;
-        case Dimension::rain_rate:
-            return rain_rates;
-        case Dimension::density:
-            return densities;
-    }
-    return {};
+/// In the order of Dimension.
+struct DimensionWords {
+    Dimension dimension;
+    const char *value, *noun;
+    std::span<const Unit> units;
+};
+constexpr DimensionWords dimensions[] = {{Dimension::length, "LENGTH", "a length", lengths},
+                                         {Dimension::time, "TIME", "a time", times},
+                                         {Dimension::frequency, "FREQUENCY", "a frequency", frequencies},
+                                         {Dimension::power, "POWER", "a power", powers},
+                                         {Dimension::level, "LEVEL", "a power level", levels},
+                                         {Dimension::angle, "ANGLE", "an angle", angles},
+                                         {Dimension::decibel, "DECIBELS", "a ratio", decibels},
+                                         {Dimension::bytes, "BYTES", "a number of bytes", sizes},
+                                         {Dimension::rain_rate, "RATE", "a rain rate", rain_rates},
+                                         {Dimension::density, "DENSITY", "a density", densities}};
+static_assert([] {
+    for (std::size_t i = 0; i < std::size(dimensions); ++i)
+        if (dimensions[i].dimension != static_cast<Dimension>(i)) return false;
+    return true;
+}());
+constexpr const DimensionWords& words_of(Dimension dimension) {
+    return dimensions[static_cast<std::size_t>(dimension)];
 }
+
+std::span<const Unit> units(Dimension dimension) { return words_of(dimension).units; }
 
 /// What the user meets first in messages and help: degrees before radians.
 std::string_view first_unit(Dimension dimension) {
@@ -141,57 +143,9 @@ std::string_view trimmed(std::string_view token) {
     return token;
 }
 
-const char* value_word(Dimension dimension) {
-    switch (dimension) {
-        case Dimension::length:
-            return "LENGTH";
-        case Dimension::time:
-            return "TIME";
-        case Dimension::frequency:
-            return "FREQUENCY";
-        case Dimension::power:
-            return "POWER";
-        case Dimension::level:
-            return "LEVEL";
-        case Dimension::angle:
-            return "ANGLE";
-        case Dimension::decibel:
-            return "DECIBELS";
-        case Dimension::bytes:
-            return "BYTES";
-        case Dimension::rain_rate:
-            return "RATE";
-        case Dimension::density:
-            return "DENSITY";
-    }
-    return "";
-}
+const char* value_word(Dimension dimension) { return words_of(dimension).value; }
 
-const char* noun(Dimension dimension) {
-    switch (dimension) {
-        case Dimension::length:
-            return "a length";
-        case Dimension::time:
-            return "a time";
-        case Dimension::frequency:
-            return "a frequency";
-        case Dimension::power:
-            return "a power";
-        case Dimension::level:
-            return "a power level";
-        case Dimension::angle:
-            return "an angle";
-        case Dimension::decibel:
-            return "a ratio";
-        case Dimension::bytes:
-            return "a number of bytes";
-        case Dimension::rain_rate:
-            return "a rain rate";
-        case Dimension::density:
-            return "a density";
-    }
-    return "";
-}
+const char* noun(Dimension dimension) { return words_of(dimension).noun; }
 
 std::string unit_list(Dimension dimension) {
     std::string list(first_unit(dimension));
