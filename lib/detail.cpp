@@ -141,7 +141,9 @@ double detail_rms_db(Quality quality) {
 
 namespace {
 
-/// Share of the ground that other ground hides, of slopes of chance with an RMS of `slope`. Source: Smith (1967), docs/engine.md.
+constexpr double db_of_log = 4.342944819032518;  // 10 / ln 10
+
+/// Share of the ground facing the sensor that other ground hides, of slopes of chance with an RMS of `slope`. Source: Smith (1967), docs/engine.md.
 double hidden_share(double slope, double grazing_rad) {
     if (!(slope > 0)) return 0;
     const double ratio = grazing_rad / slope,
@@ -156,20 +158,23 @@ double hidden_share(double slope, double grazing_rad) {
 /// is wide the edge wanders through many portions of it, of which all but little must be hidden at once: p^(portions - 1).
 double shadow_ends_db(const DetailPlace& place, double across_m, double rms_m) {
     // Fits to shipped and drawn terrain, docs/engine.md.
-    constexpr double crest = 2;                 // a crest is off by, in RMS of all posts
+    constexpr double crest = 2;                 // a crest is off by, in RMS of all posts,
+    constexpr double alike = 10;                // over so many posts of the level alike
+    constexpr double straight_m = 200;          // an edge is, at least
     constexpr double met = 0.5, apart_m = 300;  // edges that a pulse meets, of what is hidden
-    const double edges =
-                     met * hidden_share(place.steepness, place.grazing_rad) * std::min(1.0, place.pulse_m / apart_m),
+    constexpr double most_over_noise = 1e6;     // also for what nobody knows
+    const double hidden = hidden_share(place.steepness, place.grazing_rad),
+                 edges = met * hidden * std::min(1.0, place.pulse_m / apart_m),
                  moved = std::min(1.0, crest * rms_m / (place.grazing_rad * place.pulse_m));
     if (!(edges > 0) || !(moved > 0)) return 0;
-    constexpr double db = 4.342944819032518, most_over_noise = 1e6;
-    const double portions = std::max(1.0, place.beam_m / place.pulse_m), power = portions - 2, log = std::log(moved),
-                 gone_db = db * std::log1p(moved * std::min(place.over_noise, most_over_noise));
+    const double portions = std::max(1.0, place.beam_m / std::max(place.pulse_m, straight_m)), power = portions - 2,
+                 log = std::log(moved),
+                 gone_db = db_of_log * std::log1p(moved * std::min(place.over_noise, most_over_noise));
     // The integral of p^(portions - 3) from `moved` to 1.
-    const double weaker = std::fabs(power) < 1e-3 ? -log : -std::expm1(power * log) / power,
-                 together = portions > 1 ? std::min(1.0, across_m / place.beam_m) : 1;
-    const double square =
-        portions * db * db * moved * moved * weaker * together + std::exp(portions * log) * gone_db * gone_db;
+    const double weaker = power == 0 ? -log : -std::expm1(power * log) / power,
+                 together = portions > 1 ? std::min(1.0, alike * across_m / place.beam_m) : 1;
+    const double square = portions * db_of_log * db_of_log * moved * moved * weaker * together +
+                          std::exp(portions * log) * gone_db * gone_db;
     return std::sqrt(rounded_significand(edges * square, 30));
 }
 
@@ -181,8 +186,8 @@ double detail_error_db(const DetailPlace& place, int level, double rms_m, double
     if (2 * along > place.pulse_m || 2 * across > place.beam_m || !(place.grazing_rad > 0)) return infinite;
     // What a cell returns is the rise of the sine of the elevation over the pulse: a wrong height at either end of it
     // counts. Where all ground is seen, posts beside each other in the beam err on their own.
-    constexpr double db = 4.342944819032518, ends = 1.4142135623730951;
-    const double a_metre = db * ends / (place.grazing_rad * place.pulse_m),
+    constexpr double ends = 1.4142135623730951;
+    const double a_metre = db_of_log * ends / (place.grazing_rad * place.pulse_m),
                  alone = rms_m * std::sqrt(1.44 * across / place.beam_m);
     // What stands out, all along the beam if it is a dike or a wall: a height h that the level leaves out (or keeps, and so
     // widens) is a shadow of length h / psi too short or too long, in which the horizon is off by h down to 0.

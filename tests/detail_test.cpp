@@ -10,8 +10,10 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <optional>
+#include <random>
 #include <vector>
 
 #include "lib/engine.hpp"
@@ -279,6 +281,41 @@ TEST_CASE("residuals are those of the definition, at any size of a block", "[det
         }
         posts[static_cast<std::size_t>(rows / 2 * stride + columns / 2)] = test::void_post;
         CHECK(residuals(posts.data(), stride, columns, rows) == Residuals{});
+    }
+}
+
+TEST_CASE("the error of a level grows with the echo over the noise, never falls as the beam narrows, and is finite",
+          "[detail][quick]") {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> unit(0, 1);
+    const auto between = [&](double from, double to) { return from * std::pow(to / from, unit(random)); };
+    for (int i = 0; i < 3000; ++i) {
+        DetailPlace place;
+        place.range_m = between(500, 1e5);
+        place.grazing_rad = between(0.005, 0.7);
+        place.pulse_m = between(30, 900);
+        place.along_m = place.across_m = between(1, 10);
+        place.steepness = i % 7 == 0 ? 0 : between(0.01, 1);
+        place.over_noise = i % 11 == 0 ? std::numeric_limits<double>::infinity() : between(1e-2, 1e9);
+        const double rms_m = between(0.01, 20);
+        if (4 * place.along_m > place.pulse_m) continue;
+        double last = 0;
+        for (place.beam_m = 20 * place.pulse_m; place.beam_m >= 4 * place.across_m; place.beam_m *= 0.93) {
+            const double error = detail_error_db(place, 1, rms_m, 0);
+            INFO("beam " << place.beam_m << ", pulse " << place.pulse_m << ", rms " << rms_m << ", grazing "
+                         << place.grazing_rad);
+            REQUIRE(std::isfinite(error));
+            REQUIRE(error >= last * (1 - 1e-9));
+            // On gentle ground the rise alone counts: sqrt(2) 4.34 dB of sigma over what a cell rises by.
+            const double seen = 4.342944819 * std::sqrt(2 * 1.44 * 2 * place.across_m / place.beam_m) * rms_m /
+                                (place.grazing_rad * place.pulse_m);
+            REQUIRE((place.steepness > 0 ? error >= seen * (1 - 1e-9) : error == Approx(seen).epsilon(1e-9)));
+            DetailPlace louder = place;
+            louder.over_noise *= 10;
+            REQUIRE(detail_error_db(louder, 1, rms_m, 0) >= error * (1 - 1e-9));
+            last = error;
+        }
+        CHECK(std::isinf(detail_error_db(place, 3, rms_m, 0)));
     }
 }
 
@@ -604,6 +641,7 @@ TEST_CASE("levels keep the promise over a steep coast, whose blocks hold sea and
         s.spokes_per_post = 4;
         const auto error = compared(on, simulated(s, rasters));
         INFO(place.lat << ": " << error.rms_db << ", " << error.p99_db << " dB");
+        CHECK(posts_of_level(on, true) == 0);
         CHECK(error.rms_db < 0.1);
         CHECK(error.p99_db < 0.35);
     }

@@ -4,15 +4,18 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <thread>
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tiles/claim.hpp"
 #include "tiles/output_file.hpp"
 
 using namespace wedgescope;
@@ -115,6 +118,25 @@ TEST_CASE("one more file takes no longer for the many that stand in its folder",
     }
     INFO("200 files " << files << " s, 5 times the names " << listing << " s");
     CHECK(files < 6 * listing);
+}
+
+TEST_CASE("a folder that another process removes before it is claimed is made anew", "[output_file]") {
+    const Folder folder;
+    std::atomic<bool> over{false};
+    std::thread other([&] {
+        while (!over)
+            remove_left_behind(folder / "", [](const std::string& name) { return name.starts_with(".a.png.tmp-"); });
+    });
+    for (int i = 0; i < 3000; ++i) {
+        OutputFile file(folder / "a.png", true);
+        std::ofstream(file.temporary_path()) << i;
+        if (!std::filesystem::exists(file.temporary_path())) {
+            FAIL_CHECK("turn " << i << ": its folder is gone");
+            break;
+        }
+    }
+    over = true;
+    other.join();
 }
 
 TEST_CASE("nothing stands under the final name before commit, and nothing else after it", "[output_file]") {

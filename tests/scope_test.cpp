@@ -626,6 +626,17 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
                      bins));
     refuses(folder, with(start, {"--pulse", "2us"}), 2,
             {"--pulse is 2us", "finer than beam and pulse", "--detail off"});
+    // Where the pulse held them and no level was used, another pulse may use one, a narrower beam none.
+    folder.make(with({"simulate", "--overwrite", "--dem", data + "/inland_empire_dem.tif", "--latlon", "33.93,-117.33",
+                      "--altitude-msl", "7000ft", "--range", "7km", "--pulse", "1us", "--echo", echo, "--report",
+                      folder / "report.json", "-q"},
+                     bins));
+    const auto report = wedgescope::test::json_in(folder / "report.json");
+    for (const auto& level : report["levels"]) CHECK((level["level"] == 0 || level["posts_read"] == 0));
+    const Strings one = with(start, {"--pulse", "1us"});
+    refuses(folder, with(start, {"--pulse", "0.9us"}), 2, {"--pulse is 0.9us", "finer than beam and pulse"});
+    refuses(folder, with(start, {"--pulse", "0.9us", "--beam", "1.4deg"}), 2, {"--pulse is 0.9us"});
+    folder.make(with(one, {"--beam", "1.4deg", "--overwrite", "-q"}));
 }
 
 TEST_CASE("where levels of detail were swept, beam and pulse are bound to them", "[scope]") {

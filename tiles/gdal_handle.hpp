@@ -72,8 +72,8 @@ DatasetHandle by_usual_or_all_drivers(Open&& open) {
     {
         GdalErrors quiet;
         if (DatasetHandle dataset = open()) return dataset;
+        register_all_drivers();
     }
-    register_all_drivers();
     return open();
 }
 

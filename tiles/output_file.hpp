@@ -31,8 +31,9 @@ public:
     const std::string& temporary_path() const { return temporary_path_; }
 
     /// Flushes to disk and puts everything in place under the final names. Stale side files of the final name
-    /// (`.aux.xml`, `.geoloc.tif`, ...) go. Checked for all of them before the first one is moved: InputError if something stands there and
-    /// `overwrite` is off, or if two of the outputs bring a side file of the same name. IoError naming the file.
+    /// (`.aux.xml`, `.geoloc.tif`, ...) go. Checked for all of them before the first one is moved: InputError if something
+    /// stands there and `overwrite` is off, or if two of the outputs bring a side file of the same name. IoError naming the
+    /// file.
     /// `may_replace`: asked about every side file that one stands in the place of; throws where it may not.
     using MayReplace = std::function<void(const OutputFile& output, const std::string& side_file)>;
     static void commit(const std::vector<OutputFile*>& files, const MayReplace& may_replace = {});

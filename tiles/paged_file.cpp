@@ -35,7 +35,7 @@ std::uint64_t PagedFile::offset(std::uint64_t page) const {
     return part_.begin + page_header_bytes + page * (layout_.content_bytes + sum_bytes);
 }
 
-std::string PagedFile::named() const { return text(layout_.what, " '", part_.file->path(), "'"); }
+std::string PagedFile::named() const { return text(layout_.what, " ", part_.file->named()); }
 
 PagedFile::PagedFile(FilePart part, const PageLayout& layout, Use use) : part_(std::move(part)), layout_(layout) {
     PlainFile& file = *part_.file;

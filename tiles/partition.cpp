@@ -211,7 +211,8 @@ Bounds bounds_of(const Window& posts, const Window& window, const float* terrain
                       lines = static_cast<std::size_t>(posts.rows.size()),
                       n = static_cast<std::size_t>(posts.columns.size());
     const PostExtremes bare = post_extremes(terrain + first, stride, lines, n);
-    Bounds b{bare.lowest_m, bare.highest_m, 0, bare.voids<lines * n, bare.voids> 0};
+    const bool valid = bare.voids<lines * n, voids = bare.voids> 0;
+    Bounds b{bare.lowest_m, bare.highest_m, 0, valid, voids};
     if (culture)
         for (std::size_t line = 0; line < lines; ++line) {
             const float* const row = culture + first + line * stride;

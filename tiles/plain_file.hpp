@@ -19,7 +19,8 @@ public:
     /// Made in the folder without a name: gone with the process, however it ends.
     explicit PlainFile(const Unnamed& where);
 
-    const std::string& path() const { return path_; }  ///< empty: unnamed
+    /// For messages: its path, or what it is and where.
+    const std::string& named() const { return named_; }
     std::uint64_t bytes() const;
     /// IoError, also if the file ends before.
     void read(std::uint64_t at, void* out, std::size_t count) const;

@@ -228,14 +228,15 @@ std::optional<Keys> keys_of(TIFF* file, Doubts& doubts) {
     return keys.epsg != 0 ? std::optional(keys) : std::nullopt;
 }
 
-/// As GDAL reads it; nothing for words that are no plain number of less than 1e30.
+/// As GDAL reads it; nothing for words that are no plain number below huge_no_data.
 std::optional<double> number(std::string_view words) {
     while (!words.empty() && words.front() == ' ') words.remove_prefix(1);
     while (!words.empty() && words.back() == ' ') words.remove_suffix(1);
     if (words == "nan") return std::numeric_limits<double>::quiet_NaN();
     double value = 0;
     const auto [end, error] = std::from_chars(words.data(), words.data() + words.size(), value);
-    if (error != std::errc() || end != words.data() + words.size() || !(std::fabs(value) < 1e30)) return std::nullopt;
+    if (error != std::errc() || end != words.data() + words.size() || !(std::fabs(value) < huge_no_data))
+        return std::nullopt;
     return value;
 }
 

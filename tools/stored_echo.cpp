@@ -323,12 +323,14 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
                               bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
     }
     if (!same_levels(echo.scene, echo.levels, echo.post_m, scene)) {
-        const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad()   ? "beam"
-                          : radar.pulse_s != before.pulse_s                       ? "pulse"
-                          : radar.beam_width_error != before.beam_width_error     ? "bwe"
-                          : radar.pulse_length_error != before.pulse_length_error ? "ple"
-                          : radar.beam_width_scale != before.beam_width_scale     ? "bwe-scale"
-                                                                                  : "ple-scale";
+        const char* const of_pulse = radar.pulse_s != before.pulse_s                         ? "pulse"
+                                     : radar.pulse_length_error != before.pulse_length_error ? "ple"
+                                     : radar.pulse_length_scale != before.pulse_length_scale ? "ple-scale"
+                                                                                             : nullptr;
+        const char* const of_beam = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
+                                    : radar.beam_width_error != before.beam_width_error   ? "bwe"
+                                                                                          : "bwe-scale";
+        const char* const key = of_pulse ? of_pulse : of_beam;  // a narrower beam alone may be taken
         throw InputError(text(
             name(key), " is ", value_words(find_key(key)->get(settings)),
             "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"

@@ -58,6 +58,7 @@ constexpr DimensionWords dimensions[] = {{Dimension::length, "LENGTH", "a length
                                          {Dimension::bytes, "BYTES", "a number of bytes", sizes},
                                          {Dimension::rain_rate, "RATE", "a rain rate", rain_rates},
                                          {Dimension::density, "DENSITY", "a density", densities}};
+static_assert(std::size(dimensions) == static_cast<std::size_t>(last_dimension) + 1);
 static_assert([] {
     for (std::size_t i = 0; i < std::size(dimensions); ++i)
         if (dimensions[i].dimension != static_cast<Dimension>(i)) return false;

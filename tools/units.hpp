@@ -22,6 +22,7 @@ enum class Dimension {
     rain_rate,  ///< mm/h
     density,    ///< g/m^3
 };
+inline constexpr auto last_dimension = Dimension::density;
 
 /// The word for a value of this dimension in help: LENGTH, TIME, ...
 const char* value_word(Dimension dimension);
