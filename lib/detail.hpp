@@ -82,8 +82,8 @@ bool same_levels(const ResolvedScene& before, bool levels, double post_m, const 
 Window detail_window(const ResolvedScene& scene, const DataBase& data_base);
 
 /// The levels of a scene: a function of its place, range, set and quality, of what block map and detail map hold of
-/// the ground in range, and of BrightEcho; of no horizon, wedge, sector or budget. None where the source has no such maps, the raster goes
-/// round the earth, or the scene's quality or key `detail` has none. IoError, DataError.
+/// the ground in range, and of BrightEcho; of no horizon, wedge, sector or budget. None where the source has no such maps,
+/// the raster goes round the earth, or the scene's quality or key `detail` has none. IoError, DataError.
 DetailLevels choose_levels(const ResolvedScene& scene, WedgeSource& source, const SpokeMap& map);
 
 }  // namespace wedgescope

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "lib/interval.hpp"
+
 namespace wedgescope {
 
 struct PostExtremes {
@@ -20,5 +22,13 @@ struct PostExtremes {
 
 /// Of lines of `width` posts, metres, NaN = void, that begin `stride` apart; fewer than 2^32 together.
 PostExtremes post_extremes(const float* posts, std::size_t stride, std::size_t lines, std::size_t width) noexcept;
+
+/// Of a part of a window's posts, which lie row after row; nothing of an empty one.
+inline PostExtremes post_extremes(const float* posts, const Window& given, const Window& part) noexcept {
+    if (part.empty()) return {};
+    return post_extremes(posts + given.at(part.columns.begin, part.rows.begin),
+                         static_cast<std::size_t>(given.columns.size()), static_cast<std::size_t>(part.rows.size()),
+                         static_cast<std::size_t>(part.columns.size()));
+}
 
 }  // namespace wedgescope

@@ -161,26 +161,19 @@ void check_block_map(const std::string& path, BlockMapShape shape,
 
 void bound_blocks(const Window& own, const Window& given, const float* terrain, const float* culture,
                   const std::function<BlockBounds&(std::int64_t column, std::int64_t row)>& block) {
-    const std::int64_t width = given.columns.size();
     const Window blocks = blocks_of(own);
     for (std::int64_t br = blocks.rows.begin; br < blocks.rows.end; ++br)
         for (std::int64_t bc = blocks.columns.begin; bc < blocks.columns.end; ++bc) {
-            const Interval columns = intersection(given.columns, {bc * block_posts, (bc + 1) * block_posts + 1});
-            const Interval rows = intersection(given.rows, {br * block_posts, (br + 1) * block_posts + 1});
-            const auto extremes = [&](const float* heights) {
-                const std::int64_t first =
-                    (rows.begin - given.rows.begin) * width + columns.begin - given.columns.begin;
-                return post_extremes(heights + first, static_cast<std::size_t>(width),
-                                     static_cast<std::size_t>(rows.size()), static_cast<std::size_t>(columns.size()));
-            };
-            const PostExtremes ground = extremes(terrain);
+            const Window posts = intersection(given, {{bc * block_posts, (bc + 1) * block_posts + 1},
+                                                      {br * block_posts, (br + 1) * block_posts + 1}});
+            const PostExtremes ground = post_extremes(terrain, given, posts);
             BlockBounds b;
             b.lowest_m = ground.lowest_m;
             b.highest_m = ground.highest_m;
-            if (culture) b.culture_m = std::max(b.culture_m, extremes(culture).highest_m);
-            b.voids = ground.voids == 0                                                        ? Voids::none
-                      : ground.voids == static_cast<std::size_t>(columns.size() * rows.size()) ? Voids::all
-                                                                                               : Voids::some;
+            if (culture) b.culture_m = std::max(b.culture_m, post_extremes(culture, given, posts).highest_m);
+            b.voids = ground.voids == 0                                         ? Voids::none
+                      : ground.voids == static_cast<std::size_t>(posts.posts()) ? Voids::all
+                                                                                : Voids::some;
             block(bc, br) = b;
         }
 }

@@ -287,11 +287,8 @@ private:
 
     /// Extremes of what is the page's own; the column that repeats the first is nobody's.
     void note(const Window& own, const Window& given, const std::vector<float>& posts) {
-        const std::int64_t n = std::min(own.columns.end, facts_.own_columns()) - own.columns.begin;
-        if (n <= 0) return;
         const PostExtremes found =
-            post_extremes(posts.data(), static_cast<std::size_t>(given.columns.size()),
-                          static_cast<std::size_t>(own.rows.size()), static_cast<std::size_t>(n));
+            post_extremes(posts.data(), given, {intersection(own.columns, {0, facts_.own_columns()}), own.rows});
         const std::lock_guard lock(mutex_);
         extremes_.add(found);
     }

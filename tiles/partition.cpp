@@ -206,18 +206,13 @@ struct Bounds {
 };
 
 Bounds bounds_of(const Window& posts, const Window& window, const float* terrain, const float* culture) {
-    const std::size_t first = window.at(posts.columns.begin, posts.rows.begin),
-                      stride = static_cast<std::size_t>(window.columns.size()),
-                      lines = static_cast<std::size_t>(posts.rows.size()),
-                      n = static_cast<std::size_t>(posts.columns.size());
-    const PostExtremes bare = post_extremes(terrain + first, stride, lines, n);
-    const bool valid = bare.voids<lines * n, voids = bare.voids> 0;
-    Bounds b{bare.lowest_m, bare.highest_m, 0, valid, voids};
-    if (culture)
-        for (std::size_t line = 0; line < lines; ++line) {
-            const float* const row = culture + first + line * stride;
-            for (std::size_t c = 0; c < n; ++c) b.culture = std::max(b.culture, row[c]);
-        }
+    const PostExtremes bare = post_extremes(terrain, window, posts);
+    Bounds b;
+    b.lowest = bare.lowest_m;
+    b.highest = bare.highest_m;
+    if (culture) b.culture = std::max(b.culture, post_extremes(culture, window, posts).highest_m);
+    b.voids = bare.voids > 0;
+    b.valid = bare.voids < static_cast<std::size_t>(posts.posts());
     return b;
 }
 
@@ -358,16 +353,14 @@ std::unique_ptr<Survey::Part> Survey::look(const Window& window, const float* te
     auto part = std::make_unique<Part>();
     // Each post of the circle once: the last column may repeat the first.
     const std::int64_t last = data_base_.cyclic ? data_base_.cycle_columns : data_base_.columns;
-    const auto stride = static_cast<std::size_t>(window.columns.size()),
-               lines = static_cast<std::size_t>(window.rows.size());
-    if (const std::int64_t columns = std::min(window.columns.end, last) - window.columns.begin; columns > 0) {
-        const auto n = static_cast<std::size_t>(columns);
-        part->extremes = post_extremes(terrain, stride, lines, n);
-        for (std::size_t at = 0; culture && at < lines * stride; at += stride)
-            for (std::size_t c = at; c < at + n; ++c) {
-                const float top = terrain[c] + culture[c];
-                part->extremes.highest_m = top > part->extremes.highest_m ? top : part->extremes.highest_m;
-            }
+    const Window own{intersection(window.columns, {0, last}), window.rows};
+    part->extremes = post_extremes(terrain, window, own);
+    for (std::int64_t r = own.rows.begin; culture && r < own.rows.end; ++r) {
+        const std::size_t first = window.at(own.columns.begin, r);
+        for (std::size_t i = first; i < first + static_cast<std::size_t>(own.columns.size()); ++i) {
+            const float top = terrain[i] + culture[i];
+            part->extremes.highest_m = top > part->extremes.highest_m ? top : part->extremes.highest_m;
+        }
     }
     if (!map_) return part;
     const Window blocks = blocks_of(window);

@@ -657,14 +657,14 @@ Extremes RasterSource::find_extremes() {
         const auto n = static_cast<std::size_t>(window.posts());
         std::vector<float> terrain(n), culture, scratch;
         terrain_->read_heights(window, terrain.data(), window.columns.size());
-        const PostExtremes own = post_extremes(terrain.data(), n, 1, n);
+        const PostExtremes own = post_extremes(terrain.data(), window, window);
         PostExtremes own_surface;
         if (height_) {
             culture.resize(n);
             height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale, all,
                                   culture.data(), scratch);
             for (std::size_t i = 0; i < n; ++i) terrain[i] += culture[i];
-            own_surface = post_extremes(terrain.data(), n, 1, n);
+            own_surface = post_extremes(terrain.data(), window, window);
         }
         const std::lock_guard lock(mutex);
         bare.add(own);

@@ -406,21 +406,16 @@ void StoreWriter::add_unknown(const CodeCounts& codes) {
 /// The same of heights.
 void StoreWriter::add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
                               Done& done) {
-    const std::int64_t width = given.columns.size();
-    const float* const first =
-        heights + (own.rows.begin - given.rows.begin) * width + own.columns.begin - given.columns.begin;
-    const PostExtremes found =
-        post_extremes(first, static_cast<std::size_t>(width), static_cast<std::size_t>(own.rows.size()),
-                      static_cast<std::size_t>(own.columns.size()));
+    const PostExtremes found = post_extremes(heights, given, own);
     done.values.voids += found.voids;
     done.values.lowest = std::min(done.values.lowest, found.lowest_m);
     done.values.highest = std::max(done.values.highest, found.highest_m);
     if (layer.kind != StoreLayerKind::culture_height || !(found.lowest_m < 0)) return;
-    for (std::int64_t y = 0; y < own.rows.size(); ++y)
-        for (std::int64_t x = 0; x < own.columns.size(); ++x)
-            if (const float z = first[y * width + x]; z < 0)
-                throw DataError(text(layer.facts().named(), ": height at column ", own.columns.begin + x, ", row ",
-                                     own.rows.begin + y, " is ", z, "; accepted: 0 and above"));
+    for (std::int64_t row = own.rows.begin; row < own.rows.end; ++row)
+        for (std::int64_t column = own.columns.begin; column < own.columns.end; ++column)
+            if (const float z = heights[given.at(column, row)]; z < 0)
+                throw DataError(text(layer.facts().named(), ": height at column ", column, ", row ", row, " is ", z,
+                                     "; accepted: 0 and above"));
 }
 
 /// A sheet on its way: a band of tiles after the other, from the top.

@@ -36,9 +36,8 @@ const std::string& set_content(const std::string& name) {
 std::string units_of(const CommandInfo& command) {
     const std::vector<Key>& keys = key_table();
     std::string out;
-    for (const Dimension d :
-         {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level,
-          Dimension::angle, Dimension::decibel, Dimension::bytes, Dimension::rain_rate, Dimension::density}) {
+    for (int i = 0; i <= static_cast<int>(last_dimension); ++i) {
+        const auto d = static_cast<Dimension>(i);
         if (std::any_of(keys.begin(), keys.end(), [&](const Key& key) {
                 return (key.commands & command.command) && key.value.find(value_word(d)) != std::string::npos;
             }))
