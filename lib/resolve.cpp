@@ -512,23 +512,52 @@ std::optional<std::array<IndexPosition, 2>> metre_on_grid(const ResolvedScene& s
     return metre;
 }
 
+/// Bare terrain of many windows, read in the order of the file's blocks: of packed ones that no cache can hold each is decoded once
+/// or twice, not for every window.
+class GroundSamples {
+public:
+    /// Its number.
+    std::size_t add(const Window& window) {
+        windows_.push_back(window);
+        begins_.push_back(begins_.back() + static_cast<std::size_t>(window.posts()));
+        return windows_.size() - 1;
+    }
+    void read(WedgeSource& source) {
+        const DataBase& db = source.data_base();
+        std::vector<std::pair<std::pair<std::int64_t, std::int64_t>, std::size_t>> order;
+        for (std::size_t i = 0; i < windows_.size(); ++i)
+            order.push_back(
+                {{windows_[i].rows.begin / db.block_rows, db.real_column(windows_[i].columns.begin) / db.block_columns},
+                 i});
+        std::sort(order.begin(), order.end());
+        heights_m_.resize(begins_.back());
+        for (const auto& [block, i] : order) source.read_bare_terrain(windows_[i], heights_m_.data() + begins_[i]);
+    }
+    std::size_t size() const { return windows_.size(); }
+    const Window& window(std::size_t i) const { return windows_[i]; }
+    /// After read(): row after row.
+    const float* heights_m(std::size_t i) const { return heights_m_.data() + begins_[i]; }
+
+private:
+    std::vector<Window> windows_;
+    std::vector<std::size_t> begins_{0};
+    std::vector<float> heights_m_;
+};
+
 /// Sums of z00 - z10 - z01 + z11 over the cells of windows.
 class Saddles {
 public:
-    explicit Saddles(WedgeSource& source) : source_(source) {}
-
-    /// Takes in what lies round a post, as wide as reading it costs little: a few rows of a tile.
-    void add(std::int64_t column, std::int64_t row) {
-        const DataBase& db = source_.data_base();
+    /// What lies round a post, as wide as reading it costs little: a few rows of a tile.
+    static Window round(const DataBase& db, std::int64_t column, std::int64_t row) {
         Interval columns{column - width / 2, column + width / 2};
         if (!db.cyclic) columns = intersection(columns, {0, db.columns});
-        const Interval rows = intersection({row - height / 2, row + height / 2}, {0, db.rows});
-        if (columns.size() < 2 || rows.size() < 2) return;
-        std::array<float, width * height> heights_m;
-        source_.read_bare_terrain({columns, rows}, heights_m.data());
-        for (std::int64_t j = 1; j < rows.size(); ++j)
-            for (std::int64_t i = 1; i < columns.size(); ++i) {
-                const float *here = heights_m.data() + j * columns.size() + i, *above = here - columns.size();
+        return {columns, intersection({row - height / 2, row + height / 2}, {0, db.rows})};
+    }
+    void add(const Window& window, const float* heights_m) {
+        const std::int64_t columns = window.columns.size();
+        for (std::int64_t j = 1; j < window.rows.size(); ++j)
+            for (std::int64_t i = 1; i < columns; ++i) {
+                const float *here = heights_m + j * columns + i, *above = here - columns;
                 const double saddle = static_cast<double>(here[0]) - static_cast<double>(here[-1]) -
                                       static_cast<double>(above[0]) + static_cast<double>(above[-1]);
                 if (!(std::abs(saddle) < infinite)) continue;  // of a void
@@ -540,7 +569,6 @@ public:
 
 private:
     static constexpr std::int64_t width = 32, height = 4;
-    WedgeSource& source_;
     double sum_ = 0;
     std::int64_t cells_ = 0;
 };
@@ -570,8 +598,7 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     const double reach_m = std::min(*s.scene.range_m, most_posts * s.longer_post_m), step = s.shown.azimuth_step_rad(),
                  from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
                  width = static_cast<double>(s.shown.azimuth_bins.size()) * step;
-    std::vector<float> heights_m;
-    Saddles saddles(source);
+    GroundSamples posts, surroundings;
     for (int ring = 0; ring < rings; ++ring)
         for (int ray = 0; ray < rays; ++ray) {
             const double distance = reach_m * std::sqrt((ring + 0.5) / rings),  // each stands for as much ground
@@ -581,10 +608,18 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
                                                 s.nadir.row + east * (*metre)[0].row + north * (*metre)[1].row});
             if (!post) continue;
             const auto [column, row] = *post;
-            const float height = source.bare_terrain_m(column, row);
-            if (height == height) heights_m.push_back(height);
-            if ((ray + 3 * ring) % 8 == 0) saddles.add(column, row);  // of four rays a ring, others each time
+            posts.add({{column, column + 1}, {row, row + 1}});
+            if ((ray + 3 * ring) % 8 == 0)  // of four rays a ring, others each time
+                surroundings.add(Saddles::round(db, column, row));
         }
+    posts.read(source);
+    surroundings.read(source);
+    std::vector<float> heights_m;
+    for (std::size_t i = 0; i < posts.size(); ++i)
+        if (const float height = *posts.heights_m(i); height == height) heights_m.push_back(height);
+    Saddles saddles;
+    for (std::size_t i = 0; i < surroundings.size(); ++i)
+        saddles.add(surroundings.window(i), surroundings.heights_m(i));
     s.roughness = saddles.rms_m() / (4 * s.longer_post_m);
     if (heights_m.empty()) return;
     const auto highest = heights_m.end() - 1 - static_cast<std::ptrdiff_t>(heights_m.size() / 100);
@@ -617,20 +652,33 @@ std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
     };
     std::array<Ray, 16> rays;
     rays.fill({s.nadir_on_data ? s.reference_m : NAN});
-    std::vector<RainFloor> floor;
-    if (s.nadir_on_data) floor.push_back({std::abs(s.sensor_m - s.reference_m), s.reference_m});
+    const auto azimuth_of = [&](std::size_t ray) {
+        return 2 * std::numbers::pi * static_cast<double>(ray) / static_cast<double>(rays.size());
+    };
+    GroundSamples posts;
+    std::vector<std::optional<std::size_t>> samples;  // of ray after ray, ring after ring; none outside the raster
     bool within = true;
     for (double arc_m = first_m; within; arc_m *= wider) {
         within = arc_m < *s.scene.range_m;
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+            const auto post = post_at(s, source.data_base(), azimuth_of(i), arc_m);
+            samples.push_back(
+                post ? std::optional(posts.add({{post->column, post->column + 1}, {post->row, post->row + 1}}))
+                     : std::nullopt);
+        }
+    }
+    posts.read(source);
+
+    std::vector<RainFloor> floor;
+    if (s.nadir_on_data) floor.push_back({std::abs(s.sensor_m - s.reference_m), s.reference_m});
+    double arc_m = first_m;
+    for (auto sample = samples.begin(); sample != samples.end(); arc_m *= wider) {
         double range_m = 0, height_m = 0;
         int known = 0;
-        for (std::size_t i = 0; i < rays.size(); ++i) {
-            Ray& ray = rays[i];
-            const double azimuth_rad = 2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(rays.size());
-            if (const auto post = post_at(s, source.data_base(), azimuth_rad, arc_m)) {
-                const double post_m = static_cast<double>(source.bare_terrain_m(post->column, post->row));
-                if (!std::isnan(post_m)) ray.ground_m = post_m;
-            }
+        for (Ray& ray : rays) {
+            if (const auto post = *sample++)
+                if (const float post_m = *posts.heights_m(*post); post_m == post_m)
+                    ray.ground_m = static_cast<double>(post_m);
             if (std::isnan(ray.ground_m)) continue;
             const Earth::Sight to = s.earth.sight(s.sensor_m, ray.ground_m, arc_m);
             const bool seen = to.depression_rad <= ray.depression_rad;

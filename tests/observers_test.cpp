@@ -515,6 +515,10 @@ TEST_CASE("heights under other usual names are taken, and what a file of observe
     CHECK_THAT(table("x,y,OBS_HGT,height (old)", "466000,3754000,90,90", {"--altitude-agl", "10m"}),
                Contains("t.csv': columns that are left out: 'OBS_HGT', 'height (old)'"));
     CHECK(RasterBand(out).posts == low);
+    // A number is no unit, or each cell would be read as longer by its digits.
+    CHECK_THAT(table("x,y,OBS_HGT,height (2m)", "466000,3754000,90,90", {"--altitude-agl", "10m"}),
+               Contains("t.csv': columns that are left out: 'OBS_HGT', 'height (2m)'"));
+    CHECK(RasterBand(out).posts == low);
     // Next to a sure name the others may be of anything.
     CHECK_THAT(table("x,y,hgt,height,height_m", "466000,3754000,90,10,90"), Contains("left out: 'hgt', 'height_m'"));
     CHECK(RasterBand(out).posts == low);

@@ -120,6 +120,52 @@ TEST_CASE("one more file takes no longer for the many that stand in its folder",
     CHECK(files < 6 * listing);
 }
 
+TEST_CASE("where a file cannot be put in place what stood there keeps its side files", "[output_file]") {
+    const Folder folder;
+    put(folder / "a.tif", "old");
+    put(folder / "a.tif.aux.xml", "place of the old");
+    OutputFile first(folder / "a.tif", true), second(folder / "b.tif", true);
+    for (const OutputFile* file : {&first, &second}) put(file->temporary_path(), "new");
+    put(first.temporary_path() + ".aux.xml", "place of the new");
+    // A folder with something in it comes to stand there, which no file can replace.
+    std::filesystem::remove(folder / "a.tif");
+    std::filesystem::create_directory(folder / "a.tif");
+    put(folder / "a.tif/other", "");
+    CHECK_THROWS_AS(OutputFile::commit({&first, &second}), IoError);
+    CHECK(get(folder / "a.tif.aux.xml") == "place of the old");
+    std::filesystem::remove_all(folder / "a.tif");
+    // Those of a file that is there already are its own.
+    put(folder / "a.tif.ovr", "of the old");
+    std::filesystem::create_directory(folder / "b.tif");
+    put(folder / "b.tif/other", "");
+    put(first.temporary_path() + ".aux.xml", "place of the new");
+    CHECK_THROWS_AS(OutputFile::commit({&first, &second}), IoError);
+    CHECK(get(folder / "a.tif") == "new");
+    CHECK(get(folder / "a.tif.aux.xml") == "place of the new");
+    CHECK_FALSE(std::filesystem::exists(folder / "a.tif.ovr"));
+    // A folder of a side file's name is no side file.
+    std::filesystem::create_directory(folder / "c.tif.msk");
+    OutputFile third(folder / "c.tif", true);
+    put(third.temporary_path(), "new");
+    CHECK_THROWS_WITH(third.commit(), Contains("c.tif.msk' cannot be removed: Is a directory"));
+    CHECK(std::filesystem::is_directory(folder / "c.tif.msk"));
+}
+
+TEST_CASE("a name as long as a file system takes can be written", "[output_file]") {
+    const Folder folder;
+    std::string name(120, 'n');
+    for (int i = 0; i < 65; ++i) name += "\u00e9";  // two bytes each
+    for (const char* ending : {"a.tif", "b.tif"}) {
+        REQUIRE((name + ending).size() == 255);
+        OutputFile file(folder / (name + ending), false);
+        for (const std::string& made : folder.names()) CHECK(made.size() <= 255);
+        put(file.temporary_path(), ending);
+        file.commit();
+    }
+    CHECK(folder.names() == Names{name + "a.tif", name + "b.tif"});
+    CHECK(get(folder / (name + "b.tif")) == "b.tif");
+}
+
 TEST_CASE("a folder that another process removes before it is claimed is made anew", "[output_file]") {
     const Folder folder;
     std::atomic<bool> over{false};

@@ -126,6 +126,33 @@ TEST_CASE("what a quality promises holds from where the beam is two posts wide, 
     CHECK(run(resolve(s, source), source, {}).promise.error.rms_db == 0.02);
 }
 
+TEST_CASE("what a scene is told by is read block after block of the file", "[sampling]") {
+    // Of a file in large packed blocks none may stay decoded: each change of block is one decoded.
+    struct InBlocks : MemorySource {
+        using MemorySource::MemorySource;
+        void read_bare_terrain(const Window& posts, float* heights_m) override {
+            const std::pair block{posts.columns.begin / data_base().block_columns,
+                                  posts.rows.begin / data_base().block_rows};
+            changes += block != last;
+            last = block;
+            ++reads;
+            MemorySource::read_bare_terrain(posts, heights_m);
+        }
+        std::pair<std::int64_t, std::int64_t> last{-1, -1};
+        int changes = 0, reads = 0;
+    };
+    InBlocks source(801, 801, 4, [](double c, double r) { return 50 * std::sin(c / 30) * std::cos(r / 50); });
+    source.editable().block_columns = source.editable().block_rows = 401;
+    Scene s;
+    s.platform.xy = PointXY{4 * 400, -4 * 400};
+    s.platform.altitude_m = 400;
+    s.range_m = 1500;
+    s.weather.rain_mm_h = 4;
+    REQUIRE(resolve(s, source).rain_floor.size() > 5);
+    CHECK(source.reads > 500);
+    CHECK(source.changes < 20);
+}
+
 TEST_CASE("single posts that stand out count as if the sensor were lower", "[sampling][spoke_grid]") {
     Scene s;
     s.platform.xy = PointXY{4 * 400, -4 * 400};

@@ -84,7 +84,12 @@ void check_echo_format(const OutputFile& file, RasterFormat format) {
     format.scene_json = said;
     std::string why = "numbers, names or metadata are lost";
     try {
-        OutputFile trial((path.parent_path() / ("trial_of_" + path.filename().string())).string(), true);
+        const std::string name = path.filename().string();
+        constexpr std::size_t long_name = 200;
+        OutputFile trial(
+            (path.parent_path() / ("trial_of_" + (name.size() < long_name ? name : "it" + path.extension().string())))
+                .string(),
+            true);
         write_echo(run, trial, format);
         const EchoFile back(trial.temporary_path(), 1);
         if (back.scene_json() == said && back.columns() == 4 && back.rows() == 8) {

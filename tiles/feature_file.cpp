@@ -12,10 +12,11 @@
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
-#include "tiles/checksum.hpp"
+#include "tiles/file_stamp.hpp"
+#include "tiles/into_raster.hpp"
 #include "tiles/raster_file.hpp"
 #include "tiles/sided_layer.hpp"
-#include "tiles/straight_edges.hpp"
+#include "tiles/vector_file.hpp"
 
 namespace wedgescope {
 namespace {
@@ -28,43 +29,6 @@ constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", 
 constexpr const char* cut_height_field = "predominan";  ///< of numbers; else it may be a kind of trees
 constexpr const char* directivity_fields[] = {"directivity", "directivit"};
 constexpr const char* axis_fields[] = {"axis", "axis_deg"};
-/// Cells that a piece is drawn beyond the window, so that what GDAL clips at its edge shows in none.
-constexpr std::int64_t margin = 2;
-
-DatasetHandle open_vector(const std::string& path) {
-    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
-}
-
-/// Of a raster: x, y of its CRS to columns and rows of a window, as GDAL asks for it. Rounded to a 2^-20 of a cell before the
-/// window is taken off, which is exact: a geometry lies alike in all windows.
-struct ToCells {
-    double corner_x, corner_y, step_x, step_y;
-    double shift_x;
-    std::int64_t column, row;
-
-    double column_at(double x) const { return round((x + shift_x - corner_x) / step_x); }
-    double row_at(double y) const { return round((y - corner_y) / step_y); }
-    static double round(double cells) { return std::nearbyint(cells * 0x1p20) * 0x1p-20; }
-
-    static int transform(void* argument, int, int n, double* x, double* y, double*, int* good) {
-        const auto& self = *static_cast<const ToCells*>(argument);
-        for (int i = 0; i < n; ++i) {
-            x[i] = self.column_at(x[i]) - static_cast<double>(self.column);
-            y[i] = self.row_at(y[i]) - static_cast<double>(self.row);
-            good[i] = std::isfinite(x[i]) && std::isfinite(y[i]);
-        }
-        return TRUE;
-    }
-};
-
-/// Features to be asked for, and how far east of the file's place they lie on the raster (whole circles).
-struct Ask {
-    std::optional<OGREnvelope> in;  ///< in the file's coordinates; none: all
-    double shift_x = 0;
-    OGREnvelope
-        near{};  ///< with `in`, and so much more that polygons may be cut along its sides; endless over the antimeridian
-};
-
 /// A raster of one byte a cell; 1 where the geometry lies.
 class Mask {
 public:
@@ -173,22 +137,11 @@ std::string FeatureFile::named() const { return text("features ", in_quotes(para
 StoreSource FeatureFile::source() const { return source_of(params_.path); }
 
 std::uint64_t FeatureFile::fingerprint() {
-    Checksum sum;
     std::vector<std::string> files{params_.path};
-    {
-        const std::unique_ptr<Handle> handle = open();
-        char** list = handle->dataset->GetFileList();
-        for (char** f = list; f && *f; ++f) files.emplace_back(*f);
-        CSLDestroy(list);
-    }
-    for (const std::string& file : files) {
-        VSIStatBufL facts{};
-        if (VSIStatExL(file.c_str(), &facts, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) continue;
-        sum.add(static_cast<std::uint64_t>(facts.st_size));
-        sum.add(static_cast<std::uint64_t>(facts.st_mtim.tv_sec));
-        sum.add(static_cast<std::uint64_t>(facts.st_mtim.tv_nsec));
-    }
-    return sum.value();
+    char** const list = open()->dataset->GetFileList();
+    for (char** f = list; f && *f; ++f) files.emplace_back(*f);
+    CSLDestroy(list);
+    return stamps_checksum(file_stamps(files));
 }
 
 std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
@@ -197,7 +150,7 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
     if (std::error_code ignored; std::filesystem::is_fifo(params_.path, ignored))  // it would be waited for
         throw IoError(text(named(), " is a pipe; accepted: a file, for features are not read from front to end"));
     GdalErrors errors;
-    handle->dataset = by_usual_or_all_drivers([&] { return open_vector(params_.path); });
+    handle->dataset = open_vector(params_.path, true);
     if (!handle->dataset)
         throw IoError(text(named(), " cannot be opened: ", errors.reason(),
                            " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile)"));
@@ -258,11 +211,9 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
 
 namespace {
 
-/// A field's value as text from which numbers read back as they are; empty: not there, or nothing in it.
+/// Without blanks round it; empty: not there, or nothing in it.
 std::string value_of(OGRFeature& feature, int field) {
-    if (!feature.IsFieldSetAndNotNull(field)) return {};
-    if (feature.GetFieldDefnRef(field)->GetType() == OFTReal) return text(feature.GetFieldAsDouble(field));
-    std::string words = feature.GetFieldAsString(field);
+    const std::string words = field_text(feature, field);
     const auto first = words.find_first_not_of(' '), last = words.find_last_not_of(' ');
     return first == std::string::npos ? std::string() : words.substr(first, last - first + 1);
 }
@@ -273,87 +224,6 @@ std::optional<Number> number(const std::string& words) {
     const auto [end, error] = std::from_chars(words.data(), words.data() + words.size(), value);
     if (error != std::errc{} || end != words.data() + words.size()) return std::nullopt;
     return value;
-}
-
-constexpr double without_end = std::numeric_limits<double>::infinity();
-
-OGREnvelope grown(const OGREnvelope& box, double more_x, double more_y) {
-    OGREnvelope out;
-    out.MinX = box.MinX - more_x;
-    out.MaxX = box.MaxX + more_x;
-    out.MinY = box.MinY - more_y;
-    out.MaxY = box.MaxY + more_y;
-    return out;
-}
-
-/// Where features lie that may fall into a part of the raster.
-std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool raster_geographic,
-                      const OGRCoordinateTransformation* back, bool file_geographic) {
-    std::vector<Ask> out;
-    // A raster may reach beyond the antimeridian; vector files end there.
-    for (const double shift : {0.0, 360.0, -360.0}) {
-        if (shift != 0 && !raster_geographic) continue;
-        if ((shift > 0 && grid.edge_x() <= 180) || (shift < 0 && grid.corner_x >= -180)) continue;
-        OGREnvelope e = part;
-        e.MinX -= shift;
-        e.MaxX -= shift;
-        if (back) {
-            double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-            GdalErrors quiet;
-            constexpr int between = 21;
-            if (!const_cast<OGRCoordinateTransformation*>(back)->TransformBounds(e.MinX, e.MinY, e.MaxX, e.MaxY, &x0,
-                                                                                 &y0, &x1, &y1, between) ||
-                !std::isfinite(x0) || !std::isfinite(y0) || !std::isfinite(x1) || !std::isfinite(y1)) {
-                out.push_back({std::nullopt, shift});
-                continue;
-            }
-            // Bounds are found at points between; what is between these is less than a part in twenty of the window off.
-            const bool across = file_geographic && x0 > x1;  // the antimeridian
-            const double wide = across ? x1 + 360 - x0 : x1 - x0, high = y1 - y0;
-            OGREnvelope bounds;
-            bounds.MinX = x0;
-            bounds.MaxX = x1;
-            bounds.MinY = y0;
-            bounds.MaxY = y1;
-            e = grown(bounds, 0.05 * wide, 0.05 * high);
-            const OGREnvelope near = grown(bounds, 0.3 * wide, 0.3 * high);
-            if (!across) {
-                out.push_back({e, shift, near});
-                continue;
-            }
-            Ask west{e, shift, near}, east = west;
-            west.in->MinX = -180;
-            west.near.MinX = -without_end;
-            east.in->MaxX = 180;
-            east.near.MaxX = without_end;
-            out.push_back(west);
-            out.push_back(east);
-            continue;
-        }
-        out.push_back({e, shift});
-    }
-    return out;
-}
-
-/// What of a file lies near the raster, in all windows alike: what is farther may have no place in the raster's CRS.
-OGREnvelope near_raster(const RasterFacts& grid, double shift, bool raster_geographic,
-                        const OGRCoordinateTransformation* back, bool file_geographic) {
-    OGREnvelope whole, out;
-    whole.Merge(grid.corner_x, grid.corner_y);
-    whole.Merge(grid.edge_x(), grid.edge_y());
-    out.MinX = out.MinY = -without_end;
-    out.MaxX = out.MaxY = without_end;
-    for (const Ask& ask : asks(whole, grid, raster_geographic, back, file_geographic)) {
-        if (ask.shift_x != shift || !ask.in) continue;
-        out.MinY = ask.near.MinY;
-        out.MaxY = ask.near.MaxY;
-        // Across the antimeridian there are two, one to either side.
-        if (std::isfinite(ask.near.MinX) && std::isfinite(ask.near.MaxX)) {
-            out.MinX = ask.near.MinX;
-            out.MaxX = ask.near.MaxX;
-        }
-    }
-    return out;
 }
 
 }  // namespace
@@ -398,8 +268,7 @@ std::optional<ClassId> FeatureFile::material(const Handle& handle, std::size_t l
                    text("codes of the legend ", params_.legend.name(), " (features-legend), or one of ",
                         params_.materials.words()));
         }
-        for (std::size_t id = 0; id < params_.materials.size(); ++id)
-            if (lower_case(params_.materials[id].name) == lower_case(found)) return static_cast<ClassId>(id);
+        if (const std::optional<ClassId> id = params_.materials.find(found)) return id;
         refuse(handle, layer, feature, field, found,
                text("codes of the legend ", params_.legend.name(), ", or one of ", params_.materials.words()));
     }
@@ -477,11 +346,10 @@ std::set<FeatureFile::Side> FeatureFile::sides() {
         const Handle::Layer& from = handle.layers[i];
         if (from.directivities.empty() || from.materials.empty()) continue;
         from.layer->SetSpatialFilter(nullptr);
-        from.layer->ResetReading();
-        for (OGRFeatureUniquePtr feature(from.layer->GetNextFeature()); feature;
-             feature.reset(from.layer->GetNextFeature()))
-            if (const std::optional<ClassId> id = material(handle, i, *feature))
-                if (const std::optional<Side> own = side(handle, i, *feature, *id)) found.insert(*own);
+        for_each_feature(*from.layer, [&](OGRFeature& feature) {
+            if (const std::optional<ClassId> id = material(handle, i, feature))
+                if (const std::optional<Side> own = side(handle, i, feature, *id)) found.insert(*own);
+        });
     }
     if (errors.failed()) throw IoError(text(named(), " cannot be read: ", errors.reason()));
     return found;
@@ -534,84 +402,6 @@ SidedClasses sided_classes(const Materials& materials, const std::optional<Featu
 }
 
 namespace {
-
-/// Brings geometries of a layer into the raster's CRS. What is far from the raster may have no place there and is cut off before.
-class IntoRaster {
-public:
-    /// Transformations of the layer's CRS, null where it is the raster's.
-    IntoRaster(const RasterFacts& grid, bool raster_geographic, OGRCoordinateTransformation* to_raster,
-               OGRCoordinateTransformation* back, bool file_geographic)
-        : grid_(grid), raster_geographic_(raster_geographic), to_raster_(to_raster), back_(back),
-          file_geographic_(file_geographic) {}
-
-    /// Null where nothing of it lies near what is asked for. `where` names it in a DataError: not all of it is finite, or PROJ
-    /// has no place for it.
-    std::unique_ptr<OGRGeometry> bring(std::unique_ptr<OGRGeometry> geometry, const Ask& ask, const std::string& where,
-                                       const GdalErrors& errors) {
-        if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
-        if (!all_finite(*geometry)) throw DataError(text(where, " it has places that are not finite"));
-        if (to_raster_) {
-            const Surroundings& ground = surroundings(ask.shift_x);
-            // Twice: what a cut adds bends too, away from the window.
-            cut(geometry, ground.near, Cut::at_sides, ground.straight);
-            if (geometry && ask.in) cut(geometry, ask.near, Cut::whole_edges, ground.straight);
-            if (geometry && geometry->transform(to_raster_) != OGRERR_NONE)
-                throw DataError(text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
-        }
-        return geometry;
-    }
-
-private:
-    struct Surroundings {
-        double shift_x;
-        OGREnvelope near;  ///< as near_raster()
-        double straight;   ///< as straight_length()
-    };
-    const RasterFacts& grid_;
-    bool raster_geographic_;
-    OGRCoordinateTransformation *to_raster_, *back_;
-    bool file_geographic_;
-    std::optional<Surroundings> surroundings_;
-
-    const Surroundings& surroundings(double shift_x) {
-        if (!surroundings_ || surroundings_->shift_x != shift_x) {
-            GdalErrors quiet;
-            surroundings_ = {shift_x, near_raster(grid_, shift_x, raster_geographic_, back_, file_geographic_),
-                             straight_length(grid_, *back_, *to_raster_, file_geographic_)};
-        }
-        return *surroundings_;
-    }
-    static void cut(std::unique_ptr<OGRGeometry>& geometry, const OGREnvelope& to, Cut how, double straight) {
-        OGREnvelope own;
-        geometry->getEnvelope(&own);
-        if (!to.Contains(own)) geometry = clipped(*geometry, to, how);
-        if (geometry && std::isfinite(straight)) geometry->segmentize(straight);
-    }
-};
-
-/// Cells that a geometry within `box` may lie in, as far as `margin` beyond a window.
-Window cells_of(const OGREnvelope& box, const ToCells& to, const Window& window) {
-    const auto cells = [](double a, double b, Interval most) {
-        const double low = std::floor(std::min(a, b)), high = std::floor(std::max(a, b));
-        const auto clamped = [&](double v) {
-            return static_cast<std::int64_t>(
-                std::clamp(v, static_cast<double>(most.begin - margin), static_cast<double>(most.end + margin)));
-        };
-        return Interval{clamped(low - 1), clamped(high + 2)};
-    };
-    return {cells(to.column_at(box.MinX), to.column_at(box.MaxX), window.columns),
-            cells(to.row_at(box.MinY), to.row_at(box.MaxY), window.rows)};
-}
-
-/// The window and a cell more round it: what touches counts.
-OGREnvelope touched_by(const RasterFacts& grid, const Window& window) {
-    const auto x_at = [&](std::int64_t c) { return grid.corner_x + static_cast<double>(c) * grid.step_x; };
-    const auto y_at = [&](std::int64_t r) { return grid.corner_y + static_cast<double>(r) * grid.step_y; };
-    OGREnvelope part;
-    part.Merge(x_at(window.columns.begin - 1), y_at(window.rows.begin - 1));
-    part.Merge(x_at(window.columns.end + 1), y_at(window.rows.end + 1));
-    return part;
-}
 
 /// The number of the feature that each cell of a window has.
 class Owners {
@@ -685,10 +475,7 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                 from.layer->SetSpatialFilterRect(ask.in->MinX, ask.in->MinY, ask.in->MaxX, ask.in->MaxY);
             else
                 from.layer->SetSpatialFilter(nullptr);
-            from.layer->ResetReading();
-            for (OGRFeatureUniquePtr feature(from.layer->GetNextFeature()); feature;
-                 feature.reset(from.layer->GetNextFeature()))
-                draw(*feature, ask);
+            for_each_feature(*from.layer, [&](OGRFeature& feature) { draw(feature, ask); });
         }
     }
     if (errors.failed()) throw IoError(text(named(), " cannot be read: ", errors.reason()));

@@ -96,6 +96,13 @@ std::vector<std::string> files_behind(GDALDataset& dataset) {
     return found;
 }
 
+std::vector<FileStamp> file_stamps(const std::vector<std::string>& files) {
+    std::vector<FileStamp> found;
+    for (const std::string& file : files)
+        if (const auto stamp = stamp_of(file)) found.push_back(*stamp);
+    return found;
+}
+
 std::vector<FileStamp> file_stamps(const std::string& path) {
     std::vector<std::string> files;
     if (PlainTiff::of("raster", path)) {
@@ -105,10 +112,7 @@ std::vector<FileStamp> file_stamps(const std::string& path) {
         const DatasetHandle dataset = open_dataset(path);
         if (dataset) files = files_behind(*dataset);
     }
-    std::vector<FileStamp> found;
-    for (const std::string& file : files)
-        if (const auto stamp = stamp_of(file)) found.push_back(*stamp);
-    return found;
+    return file_stamps(files);
 }
 
 std::uint64_t stamps_checksum(std::vector<FileStamp> stamps) {

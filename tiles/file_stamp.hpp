@@ -25,7 +25,9 @@ bool find_file_behind(GDALDataset& dataset, const std::function<bool(const std::
 /// All of them.
 std::vector<std::string> files_behind(GDALDataset& dataset);
 
-/// As GDAL lists the files; none where it cannot open `path` or they are no files.
+/// Of those that are files, in a folder or where else GDAL looks.
+std::vector<FileStamp> file_stamps(const std::vector<std::string>& files);
+/// As GDAL lists the files of a raster; none where it cannot open `path`.
 std::vector<FileStamp> file_stamps(const std::string& path);
 
 /// Of the names without their folders, sizes and times, in the order of the names: the same wherever they lie.

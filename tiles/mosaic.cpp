@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <numeric>
 #include <optional>
 
 #include "lib/error.hpp"
@@ -16,81 +15,11 @@ namespace {
 
 // For the buffers of rasters held open.
 constexpr std::size_t open_bytes = std::size_t{8} << 20;
-constexpr double on_a_post = 0.01;  ///< posts nearer than this are the same
 /// How far beyond their relief ground between posts may lie without being an error: the accuracy that DTED promises in
 /// height (MIL-PRF-89020B, 30 m at 90 %). Between posts twice and three times as far apart as those of real mountains
 /// (30 and 90 m) at most 5 in 100 000 exceed it.
 constexpr float between_posts_m = 30;
 constexpr float nan_m = std::numeric_limits<float>::quiet_NaN();
-
-bool near(double a, double b, double tolerance) { return std::fabs(a - b) <= tolerance; }
-
-/// Posts of the grid up to `beyond` of a raster's own posts beyond its outermost; own post = own0 + own_step * grid post.
-Interval grid_posts(double own0, double own_step, std::int64_t posts, double beyond = 0) {
-    const double a = (-beyond - own0) / own_step, b = (static_cast<double>(posts - 1) + beyond - own0) / own_step;
-    return {static_cast<std::int64_t>(std::ceil(std::min(a, b) - on_a_post)),
-            static_cast<std::int64_t>(std::floor(std::max(a, b) + on_a_post)) + 1};
-}
-
-/// A raster's posts along one axis of the grid: own post = own + step * grid post.
-struct AlongGrid {
-    double own, step;
-    bool on_posts;   ///< each stands on a post of the grid, and the other way round
-    Interval posts;  ///< of the grid
-};
-
-AlongGrid along_grid(double grid0, double grid_step, double own_corner, double own_step, std::int64_t posts) {
-    AlongGrid axis{(grid0 - own_corner) / own_step - 0.5, grid_step / own_step, false, {}};
-    const double one = axis.step < 0 ? -1 : 1;  // from the other end, as of a raster that grows north among others
-    if (near(axis.step, one, on_a_post / static_cast<double>(posts)) &&
-        near(axis.own, std::round(axis.own), on_a_post)) {
-        axis.step = one;
-        axis.own = std::round(axis.own);
-        axis.on_posts = true;
-    }
-    axis.posts = grid_posts(axis.own, axis.step, posts);
-    return axis;
-}
-
-/// First posts of cells that may reach round the earth: moved by whole circles so that they lie side by side.
-std::vector<double> unrolled(const std::vector<double>& west, const std::vector<double>& width) {
-    std::vector<std::size_t> order(west.size());
-    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-    const auto on_circle = [](double x) { return x - 360 * std::floor(x / 360); };
-    std::sort(order.begin(), order.end(),
-              [&](std::size_t a, std::size_t b) { return on_circle(west[a]) < on_circle(west[b]); });
-    // The widest gap on the circle is where the data base begins.
-    double reach = on_circle(west[order[0]]), widest = -1;
-    std::size_t begin = 0;
-    for (std::size_t k = 0; k < order.size(); ++k) {
-        reach = std::max(reach, on_circle(west[order[k]]) + width[order[k]]);
-        const double next = k + 1 < order.size() ? on_circle(west[order[k + 1]]) : on_circle(west[order[0]]) + 360;
-        if (next - reach > widest + 1e-9) {
-            widest = next - reach;
-            begin = (k + 1) % order.size();
-        }
-    }
-    const double first = on_circle(west[order[begin]]);
-    // Where the rasters lie anyhow, if that is possible.
-    const double turn = 360 * std::round((west[order[begin]] - first) / 360);
-    std::vector<double> out(west.size());
-    for (std::size_t i = 0; i < west.size(); ++i) {
-        const double x = on_circle(west[i]);
-        out[i] = (x < first - 1e-9 ? x + 360 : x) + turn;
-    }
-    return out;
-}
-
-/// Of rasters that reach round a circle of `circle` degrees: the one at whose western edge it begins, one that goes round
-/// alone or else that which lies furthest west. None: they do not.
-std::optional<std::size_t> seam_of(const std::vector<double>& west, const std::vector<double>& width, double circle) {
-    for (std::size_t i = 0; i < west.size(); ++i)
-        if (width[i] >= circle) return i;
-    const auto first = static_cast<std::size_t>(std::min_element(west.begin(), west.end()) - west.begin());
-    double east = west[first];
-    for (std::size_t i = 0; i < west.size(); ++i) east = std::max(east, west[i] + width[i]);
-    return east - west[first] >= circle ? std::optional(first) : std::nullopt;
-}
 
 /// Whole numbers that a float holds each of.
 bool is_small_whole(GDALDataType type) { return type == GDT_Byte || type == GDT_Int16 || type == GDT_UInt16; }
@@ -274,6 +203,9 @@ void Mosaic::choose_type() {
     one_no_data = one_no_data && is_value_of(own.type, own.no_data);
     const bool metres = own.scale == 1 && own.offset == 0 && own.unit_m == 1;
     const double none = std::numeric_limits<double>::quiet_NaN();
+    // On their way values are floats, which do not hold every large whole number: nothing is "as stored" then.
+    constexpr double whole_in_float = 1 << 24;
+    if (own.type == GDT_Int32 && highest_height_m > whole_in_float * std::abs(own.scale) * own.unit_m) alike = false;
     if (alike && one_no_data && !own.signed_byte && (is_small_whole(own.type) || own.type == GDT_Int32)) return;
     if (alike && own.type == GDT_Float32 && metres) {
         if (!one_no_data) become(GDT_Float32, none);
@@ -300,54 +232,26 @@ void Mosaic::choose_type() {
 void Mosaic::find_edges() {
     for (Piece& piece : pieces_) piece.area = piece.across = piece.posts;
     if (single()) return;
-    // Along columns and rows, in posts of the grid: outermost posts and the raster's own posting.
-    struct Side {
-        double first, last, posting;
-        double beyond = 0.5;  ///< of its own posts
-        double begin() const { return first - beyond * posting; }
-        double end() const { return last + beyond * posting; }
-    };
-    using Place = std::array<Side, 2>;
-    std::vector<Place> places;
-    std::array<double, 2> coarsest{};
+    std::vector<Neighbours::Place> places;
     for (const Piece& piece : pieces_) {
         const RasterFacts& f = piece.raster->facts();
-        const auto side = [](double own, double step, std::int64_t posts) {
-            const double a = -own / step, b = (static_cast<double>(posts - 1) - own) / step;
-            return Side{std::min(a, b), std::max(a, b), 1 / std::fabs(step)};
-        };
-        places.push_back({side(piece.column, piece.column_step, f.columns), side(piece.row, piece.row_step, f.rows)});
-        for (std::size_t axis : {0U, 1U}) coarsest[axis] = std::max(coarsest[axis], places.back()[axis].posting);
+        places.push_back({Neighbours::side(piece.column, piece.column_step, f.columns),
+                          Neighbours::side(piece.row, piece.row_step, f.rows)});
     }
-    // Each raster with those that begin at most `apart` beyond its last post, side by side with it.
-    const auto each_pair = [&](const std::array<double, 2>& apart, const auto& found) {
-        std::vector<std::size_t> order(places.size());
-        std::iota(order.begin(), order.end(), std::size_t{0});
-        for (std::size_t axis : {0U, 1U}) {
-            const auto first = [&](std::size_t i) { return places[i][axis].first; };
-            std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return first(a) < first(b); });
-            for (std::size_t a = 0; a < places.size(); ++a) {
-                const double last = places[a][axis].last;
-                for (auto b = std::lower_bound(order.begin(), order.end(), last - on_a_post * coarsest[axis],
-                                               [&](std::size_t i, double at) { return first(i) < at; });
-                     b != order.end() && first(*b) <= last + apart[axis]; ++b) {
-                    const Side &u = places[a][1 - axis], &v = places[*b][1 - axis];
-                    const double tolerance = on_a_post * std::max(u.posting, v.posting);
-                    if (*b != a && std::max(u.first, v.first) <= std::min(u.last, v.last) + tolerance)
-                        found(axis, a, *b);
-                }
-            }
-        }
-    };
-    each_pair({on_a_post * coarsest[0], on_a_post * coarsest[1]}, [&](std::size_t axis, std::size_t a, std::size_t b) {
-        const Side &u = places[a][axis], &v = places[b][axis];
-        if (near(u.last, v.first, on_a_post * std::max(u.posting, v.posting)))
-            for (std::size_t one : {a, b})
-                for (Side& side : places[one]) side.beyond = 0;
-    });
+    const Neighbours neighbours(std::move(places));
+    find_reaches(neighbours);
+    const Neighbours::Gaps gaps = neighbours.gaps(facts_.columns);
+    if (gaps.count == 0) return;
+    if (!note_.empty()) note_ += "; ";
+    note_ += text("rasters leave ", gaps.count, gaps.count == 1 ? " gap" : " gaps",
+                  " narrower than two posts, void in the store, the first between '", path(pieces_[gaps.before].file),
+                  "' and '", path(pieces_[gaps.behind].file), "'");
+}
+
+void Mosaic::find_reaches(const Neighbours& neighbours) {
     for (std::size_t i = 0; i < pieces_.size(); ++i) {
         Piece& piece = pieces_[i];
-        piece.reaches = !piece.copied && places[i][0].beyond > 0;
+        piece.reaches = !piece.copied && neighbours[i][0].beyond > 0;
         reaches_ |= piece.reaches;
     }
     for (std::size_t i = 0; i < pieces_.size() && reaches_; ++i) {
@@ -360,33 +264,12 @@ void Mosaic::find_edges() {
             piece.area = {beyond(piece.column, piece.column_step, f.columns, 0.5, facts_.columns),
                           beyond(piece.row, piece.row_step, f.rows, 0.5, facts_.rows)};
         // Areas that meet: half a post of either from post to post.
-        const auto far = [&](std::size_t axis) { return 0.5 + 0.5 * coarsest[axis] / places[i][axis].posting; };
+        const auto far = [&](std::size_t axis) {
+            return 0.5 + 0.5 * neighbours.coarsest(axis) / neighbours[i][axis].posting;
+        };
         piece.across = {beyond(piece.column, piece.column_step, f.columns, far(0), facts_.columns),
                         beyond(piece.row, piece.row_step, f.rows, far(1), facts_.rows)};
     }
-
-    std::size_t gaps = 0, before = 0, behind = 0;
-    each_pair({coarsest[0] + 2, coarsest[1] + 2}, [&](std::size_t axis, std::size_t a, std::size_t b) {
-        const double begin = places[a][axis].end(), end = places[b][axis].begin();
-        const double post = std::floor(begin + on_a_post) + 1;  // the first of the gap
-        if (end - begin >= 2 || post >= end - on_a_post) return;
-        if (axis == 0 && (post < 0 || post >= static_cast<double>(facts_.columns))) return;  // a circle apart
-        const Side &u = places[a][1 - axis], &v = places[b][1 - axis];
-        const double middle = (std::max(u.first, v.first) + std::min(u.last, v.last)) / 2;
-        const auto holds = [&](const Place& c) {
-            return c[axis].begin() <= post && post <= c[axis].end() && c[1 - axis].begin() <= middle &&
-                   middle <= c[1 - axis].end();
-        };
-        if (std::any_of(places.begin(), places.end(), holds)) return;
-        if (gaps++ > 0) return;
-        before = a;
-        behind = b;
-    });
-    if (gaps == 0) return;
-    if (!note_.empty()) note_ += "; ";
-    note_ += text("rasters leave ", gaps, gaps == 1 ? " gap" : " gaps",
-                  " narrower than two posts, void in the store, the first between '", path(pieces_[before].file),
-                  "' and '", path(pieces_[behind].file), "'");
 }
 
 std::vector<std::size_t> Mosaic::pieces_in(const Window& window) const {

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "tiles/raster_file.hpp"
+#include "tiles/raster_places.hpp"
 #include "tiles/store_manifest.hpp"
 
 namespace wedgescope {
@@ -105,6 +106,7 @@ private:
     void lay_on_circle(const std::vector<double>& west, const Grid& grid, Interval columns);
     void choose_type();
     void find_edges();
+    void find_reaches(const Neighbours& neighbours);
     void used(std::size_t file);
     void add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out);
     void add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out);

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "lib/error.hpp"
+#include "tiles/checksum.hpp"
 
 namespace wedgescope {
 namespace {
@@ -45,8 +46,15 @@ void sync(const std::string& path, const std::string& final_path, bool folder) {
 
 constexpr const char* temporary_mark = ".tmp-";
 
-/// Of the final name: what the names of its temporary folders begin with.
-std::string stem_of(const std::string& name) { return text(".", name, temporary_mark); }
+/// Of the final name: what the names of its temporary folders begin with. File systems take names of 255 bytes: of a long one
+/// its beginning, up to a whole letter, and a sum of all.
+std::string stem_of(const std::string& name) {
+    constexpr std::size_t longest = 200;
+    if (name.size() <= longest) return text(".", name, temporary_mark);
+    std::size_t end = longest;
+    while (end > 0 && (static_cast<unsigned char>(name[end]) & 0xC0U) == 0x80U) --end;
+    return text(".", name.substr(0, end), "-", checksum(name.data(), name.size()), temporary_mark);
+}
 
 /// What stood under temporary names in each folder when this process first wrote there: a folder is listed once, however
 /// many files go into it.
@@ -196,21 +204,40 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
             moves.push_back({file, from, to});
         }
     }
-    // Side files of what stood there before do not belong to the new file.
+    // Side files of what stood there before do not belong to the new file; where that cannot come, they stay with the old one.
+    struct Aside {
+        const OutputFile* file;
+        std::string from, to;
+    };
+    std::vector<Aside> stale;
+    const auto put_back = [&] {
+        for (const Aside& aside : stale) ::rename(aside.to.c_str(), aside.from.c_str());
+    };
     for (const OutputFile* file : files)
         for (const char* side : side_files) {
-            const std::string stale = file->final_path_ + side;
-            if (file->overwrite_ && ::unlink(stale.c_str()) != 0 && errno != ENOENT)
-                throw IoError(text("old side file '", stale, "' cannot be removed: ", system_reason(errno)));
+            if (!file->overwrite_) continue;
+            Aside aside{file, file->final_path_ + side, (fs::path(file->folder_) / text("before", side)).string()};
+            std::error_code ignored;
+            const bool folder = fs::is_directory(fs::symlink_status(aside.from, ignored));
+            if (!folder && ::rename(aside.from.c_str(), aside.to.c_str()) == 0) {
+                stale.push_back(std::move(aside));
+            } else if (const int reason = folder ? EISDIR : errno; reason != ENOENT) {
+                put_back();
+                throw IoError(text("old side file '", aside.from, "' cannot be removed: ", system_reason(reason)));
+            }
         }
     for (const Move& move : moves) {
         // What came to stand there meanwhile stays as well.
         const int reason = !move.file->overwrite_                              ? rename_new(move.from, move.to)
                            : ::rename(move.from.c_str(), move.to.c_str()) == 0 ? 0
                                                                                : errno;
-        if (reason != 0)
+        if (reason != 0) {
+            put_back();
             throw IoError(
                 text("output '", move.to, "' cannot be put in place of '", move.from, "': ", system_reason(reason)));
+        }
+        if (move.to == move.file->final_path_)
+            std::erase_if(stale, [&](const Aside& aside) { return aside.file == move.file; });
     }
     for (OutputFile* file : files) {
         sync(folder_of(file->final_path_), file->final_path_, true);

@@ -85,19 +85,24 @@ std::uint64_t PagedFile::imprint() const {
 
 std::shared_ptr<const PageBytes> PageCache::page(std::uint64_t number, bool sparse,
                                                  const std::function<std::string()>& name) {
-    {
-        const std::lock_guard lock(mutex_);
+    const auto kept = [&]() -> std::shared_ptr<const PageBytes> {
         for (auto it = recent_.begin(); it != recent_.end(); ++it)
             if (it->first == number) {
                 recent_.splice(recent_.begin(), recent_, it);
                 return it->second;
             }
+        return nullptr;
+    };
+    {
+        const std::lock_guard lock(mutex_);
+        if (auto found = kept()) return found;
     }
     auto bytes = std::make_shared<PageBytes>();
     const PagedFile::State state = file_.read(number, *bytes);
     if (state == PagedFile::State::never_written && sparse) return nullptr;
     if (state != PagedFile::State::whole) throw DataError(name() + " is damaged" + file_.remedy());
     const std::lock_guard lock(mutex_);
+    if (auto found = kept()) return found;  // another thread read it meanwhile
     recent_.emplace_front(number, bytes);
     if (recent_.size() > most_) recent_.pop_back();
     return bytes;

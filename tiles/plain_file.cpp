@@ -59,7 +59,13 @@ void PlainFile::sync() {
 
 bool PlainFile::stands() const { return !path_.empty() && stands_at(file_.get(), path_); }
 
-bool PlainFile::lock() { return ::flock(file_.get(), LOCK_EX | LOCK_NB) == 0; }
+bool PlainFile::lock() {
+    int taken = 0;
+    do {
+        taken = ::flock(file_.get(), LOCK_EX | LOCK_NB);
+    } while (taken != 0 && errno == EINTR);
+    return taken == 0 || errno != EWOULDBLOCK;
+}
 
 int open_unnamed(const std::string& folder) {
     int file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);

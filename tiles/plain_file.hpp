@@ -27,7 +27,7 @@ public:
     void write(std::uint64_t at, const void* from, std::size_t count);
     void resize(std::uint64_t bytes);
     void sync();
-    /// False if another process holds the lock, which ends with the file's close.
+    /// False if another process holds the lock, which ends with the file's close. File systems that have none are forgiven.
     bool lock();
     /// Is it still this file that has the path?
     bool stands() const;

@@ -1,30 +1,22 @@
 #include "tiles/point_file.hpp"
 
 #include <cpl_string.h>
-#include <ogrsf_frmts.h>
 #include <sys/stat.h>
 
 #include <cerrno>
 #include <cmath>
 
 #include "lib/error.hpp"
-#include "tiles/gdal_handle.hpp"
 #include "tiles/raster_layer.hpp"
+#include "tiles/vector_file.hpp"
 
 namespace wedgescope {
 namespace {
 
-DatasetHandle open_vector(const std::string& path) {
-    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY));
-}
-
-/// A field's value as text from which numbers read back as they are.
-std::optional<std::string> value_of(const OGRFeature& feature, int field) {
-    if (!feature.IsFieldSetAndNotNull(field)) return std::nullopt;
-    const OGRFieldType type = const_cast<OGRFeature&>(feature).GetFieldDefnRef(field)->GetType();
-    if (type == OFTReal) return text(feature.GetFieldAsDouble(field));
-    const std::string words = const_cast<OGRFeature&>(feature).GetFieldAsString(field);
-    return words.empty() ? std::nullopt : std::optional(words);
+std::optional<std::string> value_of(OGRFeature& feature, int field) {
+    std::string words = field_text(feature, field);
+    if (words.empty()) return std::nullopt;
+    return words;
 }
 
 }  // namespace
@@ -44,7 +36,7 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     o.role = params.role;
     o.path = params.path;
     GdalErrors errors;
-    o.dataset = by_usual_or_all_drivers([&] { return open_vector(o.path); });
+    o.dataset = open_vector(o.path, false);
     if (!o.dataset) {
         struct stat facts {};
         // GDAL may say nothing at all of a path that is not there.
@@ -135,12 +127,11 @@ void PointFile::read(const std::function<void(const PointRow&)>& body) {
         row.second = o.lat_lon ? x : y;
         body(row);
     };
-    o.layer->ResetReading();
-    for (OGRFeatureUniquePtr feature(o.layer->GetNextFeature()); feature; feature.reset(o.layer->GetNextFeature())) {
-        row.feature = feature->GetFID();
+    for_each_feature(*o.layer, [&](OGRFeature& feature) {
+        row.feature = feature.GetFID();
         row.values.clear();
-        for (const int field : o.fields) row.values.push_back(value_of(*feature, field));
-        const OGRGeometry* geometry = feature->GetGeometryRef();
+        for (const int field : o.fields) row.values.push_back(value_of(feature, field));
+        const OGRGeometry* geometry = feature.GetGeometryRef();
         if (!geometry) refuse("has no geometry; accepted: a point");
         const OGRwkbGeometryType type = wkbFlatten(geometry->getGeometryType());
         if (type != wkbPoint && type != wkbMultiPoint)
@@ -154,7 +145,7 @@ void PointFile::read(const std::function<void(const PointRow&)>& body) {
                 point(*part);
             }
         }
-    }
+    });
     if (errors.failed()) throw IoError(text(o.named(), " cannot be read: ", errors.reason()));
 }
 

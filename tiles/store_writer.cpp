@@ -720,6 +720,9 @@ TileStoreSummary StoreWriter::run() {
     } catch (const IoError& e) {
         if (close(true)) throw IoError(text(e.what(), kept));
         throw;
+    } catch (const std::bad_alloc&) {
+        if (close(true)) throw IoError("out of memory" + kept);
+        throw;
     } catch (...) {
         close(false);
         throw;

@@ -254,10 +254,11 @@ void UnfinishedStore::replace_output() {
     std::error_code error;
     const std::string its_plan = (fs::path(output_) / store_plan_name).string();
     std::unique_ptr<PlainFile> other;
-    if (fs::is_regular_file(its_plan, error)) {
-        other = std::make_unique<PlainFile>(its_plan, PlainFile::Use::write);
-        other->lock();
+    try {
+        if (fs::is_regular_file(its_plan, error)) other = std::make_unique<PlainFile>(its_plan, PlainFile::Use::write);
+    } catch (const IoError&) {  // it is read-only: nobody goes on with it
     }
+    if (other) other->lock();
     const auto stays = [&](const std::string& where) {
         throw IoError(text("output '", output_, "' is whole, but of the store before it something stays in '", where,
                            "', which cannot be removed"));

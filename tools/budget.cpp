@@ -98,6 +98,15 @@ std::unique_ptr<SharedSource> open_shared_source(const Settings& granted, const 
     return std::make_unique<SharedSource>(std::move(direct), memory_bytes(granted));
 }
 
+std::string hard_to_read(const Settings& settings, const SharedSource& source, const Stop& stop) {
+    if (source.keeps()) return "";
+    const SourceChoice choice = choose_source(data_base_params(settings, cache_bytes(settings), stop),
+                                              SourceKind::automatic, settings.scene, memory_bytes(settings));
+    if (!choice.spilled || choice.kept) return "";
+    return text("'", source.data_base().name, "' and what belongs to it take long to read for many scenes (",
+                choice.why, "); wedgescope tile makes a store that does not, and more memory may do");
+}
+
 namespace {
 
 /// The source that a run with these settings would take; a pass is forecast, not made.

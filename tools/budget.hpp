@@ -34,6 +34,9 @@ void check_reader(const WedgeSource& source, std::size_t memory_bytes);
 /// Errors as of open_direct_source and check_reader.
 std::unique_ptr<SharedSource> open_shared_source(const Settings& granted, const Stop& stop);
 
+/// Where windows read its rasters badly and they do not stay in memory, a line that says so: for a remark before the work. Else empty.
+std::string hard_to_read(const Settings& settings, const SharedSource& source, const Stop& stop);
+
 /// Plans the scene as simulate would run it with so much memory, without reading posts (but those of a kept spill's
 /// index). `range_given`: else the scene's range is a guess.
 Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,

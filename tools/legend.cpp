@@ -35,6 +35,32 @@ std::pair<Descriptor, Descriptor> make_pipe() {
     return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
 
+/// A write of this thread to a pipe that nobody reads fails, and signals nothing: the helper's end is not that of the run. Of
+/// this thread alone, for frames of a track are drawn side by side.
+class NoPipeSignal {
+public:
+    NoPipeSignal() {
+        ::sigemptyset(&pipe_);
+        ::sigaddset(&pipe_, SIGPIPE);
+        sigset_t waiting;
+        ::sigpending(&waiting);
+        of_others_ = ::sigismember(&waiting, SIGPIPE) == 1;
+        ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
+    }
+    ~NoPipeSignal() {
+        constexpr timespec at_once{};
+        while (!of_others_ && ::sigtimedwait(&pipe_, nullptr, &at_once) < 0 && errno == EINTR) {
+        }
+        ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+    }
+    NoPipeSignal(const NoPipeSignal&) = delete;
+    NoPipeSignal& operator=(const NoPipeSignal&) = delete;
+
+private:
+    sigset_t pipe_{}, before_{};
+    bool of_others_ = false;  ///< one waits already: it stays
+};
+
 /// Runs the helper with `input` on its stdin; what it writes to stdout.
 std::string answer_of(const std::string& helper, const std::string& input) {
     auto [input_read, input_write] = make_pipe();
@@ -53,19 +79,17 @@ std::string answer_of(const std::string& helper, const std::string& input) {
     input_read = Descriptor();
     output_write = Descriptor();
 
-    // The helper reads all its input before it writes. Should it die early, the write fails instead of killing us.
-    struct sigaction ignore {
-    }, before{};
-    ignore.sa_handler = SIG_IGN;
-    ::sigaction(SIGPIPE, &ignore, &before);
-    for (std::size_t done = 0; done < input.size();) {
-        const ssize_t n = ::write(input_write.get(), input.data() + done, input.size() - done);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) break;
-        done += static_cast<std::size_t>(n);
+    // The helper reads all its input before it writes.
+    {
+        const NoPipeSignal here;
+        for (std::size_t done = 0; done < input.size();) {
+            const ssize_t n = ::write(input_write.get(), input.data() + done, input.size() - done);
+            if (n < 0 && errno == EINTR) continue;
+            if (n <= 0) break;
+            done += static_cast<std::size_t>(n);
+        }
     }
     input_write = Descriptor();
-    ::sigaction(SIGPIPE, &before, nullptr);
     std::string answer;
     for (char block[65536];;) {
         const ssize_t n = ::read(output_read.get(), block, sizeof block);

@@ -419,6 +419,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
         source.reset();
         refuse(e, memory_bytes(settings), fits);
     }
+    if (const std::string line = hard_to_read(settings, *source, stop); !line.empty()) remark(settings.quiet, line);
     const DataBase& db = source->data_base();
     CoverageFile::Layer layer;
     layer.counts = !settings.at_least;

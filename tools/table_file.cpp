@@ -55,12 +55,8 @@ NamedColumn named_column(std::string_view header, std::span<const TableColumn> k
     if (*column.known->unit == 0) {
         column.whole &= column.unit == (column.known->degrees ? "deg" : "");
         column.unit.clear();
-    } else if (column.whole) {
-        try {
-            parse_quantity(column.known->dimension, "", "1" + column.unit);
-        } catch (const InputError&) {
-            column.whole = false;
-        }
+    } else {
+        column.whole &= has_unit(column.known->dimension, column.unit);
     }
     if (round && !column.whole) column = {nullptr, column.name, "", true};
     return column;

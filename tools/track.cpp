@@ -352,6 +352,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
         source.reset();
         refuse(e, memory_bytes(settings), fits);
     }
+    if (const std::string line = hard_to_read(settings, *source, stop); !line.empty()) remark(settings.quiet, line);
     opening.end();
     const double open_s = now_s() - start_s;
 
