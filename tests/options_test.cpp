@@ -18,6 +18,7 @@
 #include "tools/help.hpp"
 #include "tools/key_commands.hpp"
 #include "tools/key_file.hpp"
+#include "tools/libm_variant.hpp"
 #include "tools/options.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/scene_json.hpp"
@@ -1034,4 +1035,17 @@ TEST_CASE("what help says a key accepts is what the engine accepts", "[options]"
         ++checked;
     }
     CHECK(checked > 25);
+}
+
+TEST_CASE("of what the C library is told only its fused multiply-adds change", "[options]") {
+    const auto said = [](const char* tunables) { return without_fma(tunables); };
+    CHECK(said("") == "glibc.cpu.hwcaps=-FMA,-FMA4");
+    CHECK(said("glibc.malloc.check=3") == "glibc.malloc.check=3:glibc.cpu.hwcaps=-FMA,-FMA4");
+    CHECK(said("glibc.cpu.hwcaps=-AVX2,-FMA") == "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4");
+    // The last of two settings is the one that counts.
+    CHECK(said("glibc.cpu.hwcaps=-AVX2:glibc.malloc.check=3:glibc.cpu.hwcaps=-ERMS") ==
+          "glibc.malloc.check=3:glibc.cpu.hwcaps=-ERMS,-FMA,-FMA4");
+    for (const char* already :
+         {"glibc.cpu.hwcaps=-FMA,-FMA4", "glibc.malloc.check=3:glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"})
+        CHECK(said(already) == already);
 }

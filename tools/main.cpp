@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "tools/libm_variant.hpp"
 #include "tools/program.hpp"
 
 namespace {
@@ -55,6 +56,7 @@ void catch_signals() {
 }  // namespace
 
 int main(int count, char** arguments) {
+    wedgescope::hide_fma_from_libm(arguments);
     // Each further malloc arena keeps freed memory of its own; two keep the resident size near what is held.
     mallopt(M_ARENA_MAX, 2);
     catch_signals();
