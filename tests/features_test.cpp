@@ -255,6 +255,133 @@ TEST_CASE("features in latitude and longitude come to lie where the terrain has 
     CHECK(wrong == 0);
 }
 
+namespace {
+
+/// A terrain in latitude and longitude, and features drawn in its columns and rows (0: the western, northern edge) that a file holds
+/// in another CRS.
+class InDegrees {
+public:
+    InDegrees(const Folder& folder, double first_lon, double first_lat, double wide, double high, int columns, int rows)
+        : folder_(folder), west_(first_lon), north_(first_lat), wide_(wide), high_(high), columns_(columns),
+          rows_(rows) {
+        GDALDataset* dataset = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
+            (folder / "degrees.tif").c_str(), columns, rows, 1, GDT_Int16, nullptr);
+        double grid[] = {first_lon, wide, 0, first_lat, 0, -high};
+        dataset->SetGeoTransform(grid);
+        OGRSpatialReference wgs84;
+        wgs84.importFromEPSG(4326);
+        dataset->SetSpatialRef(&wgs84);
+        dataset->GetRasterBand(1)->Fill(100);
+        GDALClose(dataset);
+    }
+    using Places = std::vector<std::pair<double, double>>;
+    /// Straight from place to place in columns and rows, in pieces of at most a quarter of one or so.
+    static Places dense(const Places& corners) {
+        Places all{corners[0]};
+        for (std::size_t i = 1; i < corners.size(); ++i) {
+            const auto [c0, r0] = corners[i - 1];
+            const auto [c1, r1] = corners[i];
+            const int pieces = static_cast<int>(4 * std::max(std::abs(c1 - c0), std::abs(r1 - r0))) + 1;
+            for (int k = 1; k <= pieces; ++k)
+                all.emplace_back(c0 + (c1 - c0) * k / pieces, r0 + (r1 - r0) * k / pieces);
+        }
+        return all;
+    }
+    static Places box(double c0, double r0, double c1, double r1) {
+        return dense({{c0, r0}, {c1, r0}, {c1, r1}, {c0, r1}, {c0, r0}});
+    }
+    /// The cells that become metal, row after row. `rings`: one for a LineString.
+    std::vector<bool> burnt(const char* type, const std::vector<Places>& rings, const char* crs) const {
+        OGRSpatialReference own, wgs84;
+        own.SetFromUserInput(crs);
+        wgs84.importFromEPSG(4326);
+        for (auto* each : {&own, &wgs84}) each->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+        const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&wgs84, &own));
+        nlohmann::json coordinates = nlohmann::json::array();
+        for (const Places& ring : rings) {
+            nlohmann::json line = nlohmann::json::array();
+            for (const auto& [c, r] : ring) {
+                double x = west_ + c * wide_, y = north_ - r * high_;
+                REQUIRE(to->Transform(1, &x, &y));
+                line.push_back({x, y});
+            }
+            coordinates.push_back(line);
+        }
+        const nlohmann::json feature{
+            {"type", "Feature"},
+            {"properties", {{"smc", 1}}},
+            {"geometry",
+             {{"type", type},
+              {"coordinates", rings.size() == 1 && std::string(type) == "LineString" ? coordinates[0] : coordinates}}}};
+        const nlohmann::json all{{"type", "FeatureCollection"},
+                                 {"crs", {{"type", "name"}, {"properties", {{"name", crs}}}}},
+                                 {"features", nlohmann::json::array({feature})}};
+        std::ofstream(folder_ / "f.geojson") << all.dump();
+        std::filesystem::remove_all(folder_ / "store");
+        TileStoreParams params = into(folder_ / "store", folder_ / "f.geojson");
+        params.dems = {folder_ / "degrees.tif"};
+        write_tile_store(params);
+        const Cells codes = cells_of(folder_ / "store/culture.vrt");
+        std::vector<bool> metal_there;
+        for (const float code : codes.values) metal_there.push_back(code == static_cast<float>(metal));
+        return metal_there;
+    }
+    /// As many cells as differ from what `inside` says.
+    int wrong(const std::vector<bool>& burnt, const std::function<bool(int c, int r)>& inside) const {
+        int differ = 0;
+        for (int r = 0; r < rows_; ++r)
+            for (int c = 0; c < columns_; ++c)
+                differ += burnt[static_cast<std::size_t>(r * columns_ + c)] != inside(c, r);
+        return differ;
+    }
+
+private:
+    const Folder& folder_;
+    double west_, north_, wide_, high_;
+    int columns_, rows_;
+};
+
+}  // namespace
+
+TEST_CASE("areas and lines go on across the antimeridian and round a pole", "[features]") {
+    const Folder folder;
+    const auto within = [](int v, int from, int to) { return v >= from && v < to; };
+    // The middle column of the first and the second lies at 180 degrees, the third is far from it.
+    for (const double first_lon : {-180.03, 179.97, 12.0}) {
+        const InDegrees ground(folder, first_lon, 50, 0.0005, 0.0003, 120, 120);
+        for (const char* crs : {"EPSG:32601", "EPSG:32660", "EPSG:3832"}) {
+            if (first_lon == 12 && std::string(crs) != "EPSG:3832") continue;
+            INFO("from " << first_lon << " in " << crs);
+            const auto area = ground.burnt("Polygon", {ground.box(20, 30, 100, 90)}, crs);
+            CHECK(ground.wrong(area, [&](int c, int r) { return within(c, 20, 100) && within(r, 30, 90); }) == 0);
+            const auto holed = ground.burnt("Polygon", {ground.box(20, 30, 100, 90), ground.box(50, 40, 70, 80)}, crs);
+            CHECK(ground.wrong(holed, [&](int c, int r) {
+                return within(c, 20, 100) && within(r, 30, 90) && !(within(c, 50, 70) && within(r, 40, 80));
+            }) == 0);
+            const auto line = ground.burnt("LineString", {ground.dense({{10.5, 50.5}, {110.5, 50.5}})}, crs);
+            CHECK(ground.wrong(line, [&](int c, int r) { return r == 50 && within(c, 10, 111); }) == 0);
+        }
+        // In degrees of another datum, half a second away: in two parts that meet at 180 degrees, as files have them.
+        for (const char* crs : {"EPSG:4322"}) {
+            INFO("from " << first_lon << " in " << crs);
+            const auto parts = ground.burnt(
+                "MultiLineString",
+                {ground.dense({{20.1, 40.3}, {59.4, 40.3}}), ground.dense({{60.6, 40.3}, {99.6, 40.3}})}, crs);
+            CHECK(ground.wrong(parts, [&](int c, int r) { return r == 40 && within(c, 20, 100); }) <= 1);
+        }
+    }
+    const InDegrees circle(folder, -180, 85, 1, 0.05, 360, 40);
+    // Over the seam of a raster that goes round the earth.
+    const auto across = circle.burnt("Polygon", {circle.box(350, 10, 370, 30)}, "EPSG:3413");
+    CHECK(circle.wrong(across, [&](int c, int r) { return (c < 10 || c >= 350) && within(r, 10, 30); }) == 0);
+    // What goes round the pole covers all that is nearer to it.
+    const auto cap = circle.burnt("Polygon", {circle.dense({{0, 20}, {360, 20}})}, "EPSG:3413");
+    CHECK(circle.wrong(cap, [](int, int r) { return r < 20; }) == 0);
+    const auto ring =
+        circle.burnt("Polygon", {circle.dense({{0, 20}, {360, 20}}), circle.dense({{0, 5}, {360, 5}})}, "EPSG:3413");
+    CHECK(circle.wrong(ring, [&](int, int r) { return within(r, 5, 20); }) == 0);
+}
+
 TEST_CASE("edges of degrees lie where they do on the earth, however long, whatever the tiles", "[features][long]") {
     const Folder folder;
     const auto to = to_degrees("EPSG:32611");

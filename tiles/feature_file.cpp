@@ -461,14 +461,19 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
             if (!std::isfinite(box.MinX) || !std::isfinite(box.MaxX) || !std::isfinite(box.MinY) ||
                 !std::isfinite(box.MaxY))
                 throw DataError(text(where, " it has places that are not finite"));
-            const ToCells to{grid.corner_x, grid.corner_y, grid.step_x, grid.step_y, ask.shift_x, 0, 0};
-            const Window drawn = cells_of(box, to, window);
-            if (intersection(drawn, window).empty()) return;
-            mask.draw(*geometry, to, drawn, params_.touch, errors, where);
-            owners.take(feature.GetFID(), mask, drawn, [&](std::size_t at) {
-                put(at, burnt);
-                if (!burnt_.load(std::memory_order_relaxed)) burnt_ = true;
-            });
+            // What lies near the raster's middle may reach round the earth to its other end.
+            const bool round = geographic_ && from.to_raster && !from.geographic;
+            for (const double turn : {0.0, 360.0, -360.0}) {
+                if (turn != 0 && !round) break;
+                const ToCells to{grid.corner_x, grid.corner_y, grid.step_x, grid.step_y, ask.shift_x + turn, 0, 0};
+                const Window drawn = cells_of(box, to, window);
+                if (intersection(drawn, window).empty()) continue;
+                mask.draw(*geometry, to, drawn, params_.touch, errors, where);
+                owners.take(feature.GetFID(), mask, drawn, [&](std::size_t at) {
+                    put(at, burnt);
+                    if (!burnt_.load(std::memory_order_relaxed)) burnt_ = true;
+                });
+            }
         };
         for (const Ask& ask : asks(part, grid, geographic_, from.back.get(), from.geographic)) {
             if (ask.in)

@@ -1,5 +1,6 @@
 #include "tiles/ground_places.hpp"
 
+#include <fmt/format.h>
 #include <ogr_srs_api.h>
 #include <GeographicLib/Geodesic.hpp>
 
@@ -14,6 +15,15 @@ namespace {
 
 constexpr double half_way_round_m = 2e7;
 constexpr double metres_per_degree = 111320;
+
+/// Whether latitude and longitude do. GDAL turns an array round on a grid of square degrees, from -180 to 180: it finds nothing
+/// beyond, and ever less the more a degree of latitude and one of longitude differ on the ground.
+bool in_degrees(double lat_deg, double lon_deg, double reach_m) {
+    constexpr double farthest_deg = 70;
+    const double lat = std::abs(lat_deg) + reach_m / metres_per_degree;
+    if (!(lat <= farthest_deg)) return false;
+    return std::abs(lon_deg) + reach_m / (metres_per_degree * std::cos(Angle::degrees(lat).rad())) <= 180;
+}
 
 /// Of the nodes at -1, 0, 1 and 2 for a point between 0 and 1: Lagrange's cubic.
 std::array<double, 4> cubic_weights(double t) {
@@ -67,11 +77,15 @@ double PlaceTable::error(const Exact& exact, double x_scale) const {
 
 Ground::Ground(const ResolvedScene& scene, const RasterFormat& format, double reach_m, double error_m)
     : geometry_(scene.geometry), lat_deg_(scene.lat_deg), lon_deg_(scene.lon_deg), x_(scene.x), y_(scene.y),
-      metres_per_unit_(format.metres_per_unit),
-      crs_(scene.geometry == Geometry::geodesic ? SRS_WKT_WGS84_LAT_LONG : format.crs_wkt) {  // asks PROJ for nothing
-    if (geometry_ == Geometry::grid || !(reach_m > 0) || !(reach_m < half_way_round_m)) return;
-    // A geodesic a node of the array would take longer than all else that a picture is made of. Near a pole, where longitudes
-    // are not smooth, that is what it takes.
+      metres_per_unit_(format.metres_per_unit) {
+    if (geometry_ == Geometry::grid) {
+        crs_ = format.crs_wkt;
+        return;
+    }
+    round_sensor_ = !in_degrees(lat_deg_, lon_deg_, reach_m);
+    crs_ = round_sensor_ ? crs_round_sensor(scene, "km") : SRS_WKT_WGS84_LAT_LONG;  // which asks PROJ for nothing
+    if (round_sensor_ || !(reach_m > 0)) return;
+    // A geodesic a node of the array would take longer than all else that a picture is made of.
     const auto truth = [this](double east_m, double north_m) { return exact(east_m, north_m); };
     const double x_scale = std::cos(Angle::degrees(lat_deg_).rad());
     for (const int cells : {16, 64}) {
@@ -82,16 +96,23 @@ Ground::Ground(const ResolvedScene& scene, const RasterFormat& format, double re
     }
 }
 
+std::string crs_round_sensor(const ResolvedScene& scene, const char* unit) {
+    return fmt::format("+proj=aeqd +lat_0={:.15g} +lon_0={:.15g} +x_0=0 +y_0=0 +datum=WGS84 +units={} +no_defs",
+                       scene.lat_deg, scene.lon_deg, unit);
+}
+
 Place Ground::exact(double east_m, double north_m) const {
     double lat = 0, lon = 0;
     GeographicLib::Geodesic::WGS84().Direct(lat_deg_, lon_deg_, Angle::radians(std::atan2(east_m, north_m)).deg(),
                                             std::hypot(east_m, north_m), lat, lon);
-    // Near the sensor's own longitude, so that no picture is torn at 180 degrees.
     return {lon_deg_ + std::remainder(lon - lon_deg_, 360.0), lat};
 }
 
 Place Ground::at(double east_m, double north_m) const {
     if (geometry_ == Geometry::grid) return {x_ + east_m / metres_per_unit_, y_ + north_m / metres_per_unit_};
+    // In kilometres: GDAL 3.6 takes sides of a cell for parallel by an area of 1e-12 of the CRS's own units squared, and finds
+    // pixels some cells away where rounding alone makes more.
+    if (round_sensor_) return {east_m / 1000, north_m / 1000};
     return table_ && table_->holds(east_m, north_m) ? table_->at(east_m, north_m) : exact(east_m, north_m);
 }
 

@@ -39,6 +39,9 @@ private:
     std::vector<Place> nodes_;  ///< side x side, one more than the cells have on every side
 };
 
+/// WGS84 azimuthal equidistant, in a unit of length as PROJ calls it, with the sensor in its middle.
+std::string crs_round_sensor(const ResolvedScene& scene, const char* unit);
+
 /// Geodesics in geodesic geometry, straight lines in the raster's x, y otherwise.
 class Ground {
 public:
@@ -46,7 +49,8 @@ public:
     /// where that does, else exact.
     Ground(const ResolvedScene& scene, const RasterFormat& format, double reach_m, double error_m);
 
-    /// "EPSG:4326", or the raster's own.
+    /// The raster's own in grid geometry; else WGS84 latitude and longitude, or crs_round_sensor() where these reach beyond 180
+    /// degrees or beyond 70 north or south.
     const std::string& crs() const { return crs_; }
     /// Of the end of an arc of length hypot(east, north) that leaves the sensor in that direction.
     Place at(double east_m, double north_m) const;
@@ -58,6 +62,7 @@ private:
     Geometry geometry_;
     double lat_deg_, lon_deg_, x_, y_, metres_per_unit_;
     std::string crs_;
+    bool round_sensor_ = false;  ///< places are ends of arcs, as they are given
     std::shared_ptr<const PlaceTable> table_;
 };
 

@@ -110,8 +110,12 @@ std::unique_ptr<OGRGeometry> IntoRaster::bring(std::unique_ptr<OGRGeometry> geom
         // Twice: what a cut adds bends too, away from the window.
         cut(geometry, ground.near, Cut::at_sides, ground.straight);
         if (geometry && ask.in) cut(geometry, ask.near, Cut::whole_edges, ground.straight);
-        if (geometry && geometry->transform(to_raster_) != OGRERR_NONE)
+        if (!geometry) return nullptr;
+        const std::unique_ptr<OGRGeometry> before(raster_geographic_ && file_geographic_ ? geometry->clone() : nullptr);
+        if (geometry->transform(to_raster_) != OGRERR_NONE)
             throw DataError(text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
+        if (raster_geographic_)
+            follow_longitudes(*geometry, before.get(), (grid_.corner_x + grid_.edge_x()) / 2 - ask.shift_x);
     }
     return geometry;
 }

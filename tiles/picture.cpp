@@ -1,7 +1,5 @@
 #include "tiles/picture.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -91,9 +89,7 @@ void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& for
         content.geolocation = tube_geolocation(run, format);
     } else if (!display.rings && !display.azimuth_marks_rad) {
         if (scene.geometry == Geometry::geodesic) {
-            content.crs =
-                fmt::format("+proj=aeqd +lat_0={:.15g} +lon_0={:.15g} +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs",
-                            scene.lat_deg, scene.lon_deg);
+            content.crs = crs_round_sensor(scene, "m");
             content.geotransform = affine(frame, 0, 0, 1);
         } else {
             content.crs = format.crs_wkt;

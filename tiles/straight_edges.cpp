@@ -110,7 +110,77 @@ std::unique_ptr<OGRPolygon> cut_polygon(const OGRPolygon& polygon, const OGREnve
     return out->IsEmpty() ? nullptr : std::move(out);
 }
 
+/// The same longitude, at most half a circle from another.
+double beside(double x, double other) { return x + 360 * std::round((other - x) / 360); }
+
+enum class Ends { open, ring };
+void follow_curve(OGRSimpleCurve& curve, const OGRSimpleCurve* before, double middle, Ends ends) {
+    Points points = points_of(curve);
+    const Points own = before ? points_of(*before) : Points();
+    double sum_y = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        points[i].x = beside(points[i].x, i < own.size() ? own[i].x : points[i > 0 ? i - 1 : 0].x);
+        sum_y += points[i].y;
+    }
+    if (!before && !points.empty()) {
+        const auto [low, high] = std::minmax_element(
+            points.begin(), points.end(), [](const OGRRawPoint& a, const OGRRawPoint& b) { return a.x < b.x; });
+        const double own_middle = (low->x + high->x) / 2, turn = beside(own_middle, middle) - own_middle;
+        for (OGRRawPoint& p : points) p.x += turn;
+    }
+    if (ends == Ends::ring && !points.empty() && std::abs(points.back().x - points.front().x) > 180) {
+        const double pole = sum_y > 0 ? 90 : -90, first = points.front().x, last = points.back().x;
+        points.insert(points.end(), {{last, pole}, {first, pole}, points.front()});
+    }
+    curve.setPoints(static_cast<int>(points.size()), points.data());
+}
+
+void follow_polygon(OGRPolygon& polygon, const OGRPolygon* before, double middle) {
+    int number = 0;
+    for (OGRLinearRing* ring : polygon) {
+        const bool shell = number == 0;
+        const OGRLinearRing* const own = !before ? nullptr
+                                         : shell ? before->getExteriorRing()
+                                                 : before->getInteriorRing(number - 1);
+        follow_curve(*ring, own, middle, Ends::ring);
+        if (shell) {
+            OGREnvelope box;
+            ring->getEnvelope(&box);
+            middle = (box.MinX + box.MaxX) / 2;
+        }
+        ++number;
+    }
+}
+
 }  // namespace
+
+void follow_longitudes(OGRGeometry& geometry, const OGRGeometry* before, double middle) {
+    switch (wkbFlatten(geometry.getGeometryType())) {
+        case wkbPoint: {
+            OGRPoint& point = *geometry.toPoint();
+            if (!point.IsEmpty()) point.setX(beside(point.getX(), before ? before->toPoint()->getX() : middle));
+            break;
+        }
+        case wkbLineString:
+            follow_curve(*geometry.toLineString(), before ? before->toLineString() : nullptr, middle, Ends::open);
+            break;
+        case wkbPolygon:
+            follow_polygon(*geometry.toPolygon(), before ? before->toPolygon() : nullptr, middle);
+            break;
+        case wkbMultiPoint:
+        case wkbMultiLineString:
+        case wkbMultiPolygon:
+        case wkbGeometryCollection: {
+            OGRGeometryCollection& parts = *geometry.toGeometryCollection();
+            for (int i = 0; i < parts.getNumGeometries(); ++i)
+                follow_longitudes(*parts.getGeometryRef(i),
+                                  before ? before->toGeometryCollection()->getGeometryRef(i) : nullptr, middle);
+            break;
+        }
+        default:
+            break;
+    }
+}
 
 bool all_finite(const OGRGeometry& geometry) {
     const auto finite = [](const OGRSimpleCurve& curve) {
