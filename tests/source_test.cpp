@@ -351,6 +351,55 @@ TEST_CASE("places are those that GDAL's own transformation finds, in any CRS", "
     }
 }
 
+TEST_CASE("columns of a cylindrical projection go on across the antimeridian", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 200;
+    d.value = [](int, int) { return 50; };
+    constexpr double half = 20037508.342789244;  // of the circle in Web Mercator
+    struct Raster {
+        const char* crs;
+        double corner_x, lat, first_lon, metres_a_degree;
+    };
+    // Ending there, going on beyond it, beginning there; by its own seam, 150 degrees west of its middle.
+    for (const Raster& raster : {Raster{"EPSG:3857", half - 6000, -17.7, 180 - 6000 / half * 180, half / 180},
+                                 Raster{"EPSG:3857", half - 3000, -17.7, 180 - 3000 / half * 180, half / 180},
+                                 Raster{"EPSG:3857", -half, -17.7, -180, half / 180},
+                                 Raster{"EPSG:3395", half - 3000, 52, 180 - 3000 / half * 180, half / 180},
+                                 Raster{"EPSG:4087", half - 3000, 52, 180 - 3000 / half * 180, half / 180},
+                                 Raster{"EPSG:3832", -3000, 10, 150 - 3000 / half * 180, half / 180}}) {
+        INFO(raster.crs << " from " << raster.corner_x);
+        d.crs = raster.crs;
+        OGRSpatialReference own, wgs84;
+        own.SetFromUserInput(raster.crs);
+        wgs84.importFromEPSG(4326);
+        for (auto* each : {&own, &wgs84}) each->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+        std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&wgs84, &own));
+        double x = raster.first_lon, y = raster.lat;
+        REQUIRE(to->Transform(1, &x, &y));
+        d.geotransform = {raster.corner_x, 30, 0, y + 3000, 0, -30};
+        draw(folder / "dem.tif", d);
+        const auto source = open_direct_source(only(folder / "dem.tif"));
+        for (int column = -300; column < 500; column += 50) {
+            const double lon = raster.first_lon + 30 * (column + 0.5) / raster.metres_a_degree;
+            const IndexPosition at = source->data_base().locate(raster.lat, std::remainder(lon, 360.0));
+            CHECK(at.column == Approx(column).margin(1e-4));
+            CHECK(at.row == Approx(99.5).margin(1e-4));
+        }
+        Scene scene;
+        scene.platform.latlon = LatLon{raster.lat, raster.first_lon + 30 * 196 / raster.metres_a_degree};
+        scene.platform.altitude_m = 1000;
+        scene.range_m = 3000;
+        CHECK(resolve(scene, *source).nadir.column == Approx(195.5).margin(1e-4));
+        CHECK(run(resolve(scene, *source), *source, {}).report.states[static_cast<std::size_t>(State::seen)] > 1000);
+    }
+    // Others go on as their own formulas say.
+    d.crs = "EPSG:32660";
+    d.geotransform = {600000, 30, 0, 8000000, 0, -30};
+    draw(folder / "dem.tif", d);
+    CHECK(open_direct_source(only(folder / "dem.tif"))->data_base().locate(-18, -179).column > 5000);
+}
+
 TEST_CASE("culture heights are added at the posts in single precision", "[source]") {
     const Plain dem(data + "/worcester_vermont_dem.tif"), canopy(data + "/worcester_vermont_canopy.tif");
     DataBaseParams params = only(data + "/worcester_vermont_dem.tif");
@@ -415,6 +464,35 @@ TEST_CASE("culture heights are those of the cell that contains the post, on the 
         CHECK(wrong == 0);
         CHECK(standing > 10);
     }
+    // Posts on edges between cells, as a DTED's lie over cells of a twelve-thousandth of a degree: each takes the cell that begins there.
+    const double post = 1.0 / 3600, cell = 1.0 / 12000;
+    Drawing degrees = d, finer = d;
+    degrees.crs = finer.crs = "EPSG:4326";
+    degrees.geotransform = {10 - post / 2, post, 0, 46 + post / 2, 0, -post};
+    finer.geotransform = {10 - 30 * cell, cell, 0, 46 + 30 * cell, 0, -cell};
+    finer.columns = finer.rows = 200;
+    draw(folder / "dem.tif", degrees);
+    for (const bool along_rows : {false, true}) {
+        finer.value = [&](int c, int r) { return along_rows ? r : c; };
+        draw(folder / "height.tif", finer);
+        const Chunk chunk = open_direct_source(params)->load({{0, 40}, {0, 30}}, true);
+        std::int64_t wrong = 0;
+        for (std::int64_t c = 0; c < 40; ++c)
+            for (std::int64_t r = 0; r < 30; ++r)
+                wrong += surface(chunk, c, r) != static_cast<float>(100 + 2 * (30 + 10 * (along_rows ? r : c) / 3));
+        CHECK(wrong == 0);
+    }
+    draw(folder / "dem.tif", d);
+    // As high as heights may be, with the scale.
+    h.value = [](int c, int r) { return c == 4 && r == 5 ? 300 : 1; };
+    draw(folder / "height.tif", h);
+    params.culture_height_scale = 400;
+    CHECK_THROWS_WITH(
+        open_direct_source(params)->load({{0, 40}, {0, 30}}, false),
+        Contains("height.tif") &&
+            Contains(
+                "column 4, row 5 is 300, and times 400 (culture-height-scale) 120000 m; accepted: at most 100000 m"));
+    params.culture_height_scale = 2;
     h.value = [](int c, int r) { return c == 4 && r == 5 ? -3 : 1; };
     draw(folder / "height.tif", h);
     CHECK_THROWS_WITH(open_direct_source(params)->load({{0, 40}, {0, 30}}, false),

@@ -25,6 +25,7 @@
 #include "tiles/gdal_session.hpp"
 #include "tiles/needed_posts.hpp"
 #include "tiles/packed_block.hpp"
+#include "tiles/partition.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/spill.hpp"
 
@@ -524,6 +525,140 @@ TEST_CASE("within a scene's reach and sector every post is stored, and far from 
             CHECK(far > 10000);
             CHECK(far_stored == 0);
             CHECK(bits(spilled->bare_terrain_m(3, 4)) == bits(direct->bare_terrain_m(3, 4)));  // read after all
+        }
+}
+
+TEST_CASE("of a raster far larger than the scope few places are asked for, and no block is missed", "[spill]") {
+    // A degree in 1200 posts, 60 000 each way.
+    DataBase db;
+    db.columns = db.rows = 60000;
+    db.has_crs = true;
+    db.step_x = 1.0 / 1200;
+    db.step_y = -1.0 / 1200;
+    int asked = 0;
+    db.lat_lon = [&](double c, double r) {
+        ++asked;
+        return std::pair(60 - r / 1200, 5 + c / 1200);
+    };
+    PartitionScope scope;
+    scope.geodesic = true;
+    scope.lat_deg = 60 - 30000.0 / 1200;
+    scope.lon_deg = 5 + 41000.0 / 1200;
+    scope.nadir = {41000, 30000};
+    for (const bool sector : {false, true}) {
+        scope.reach_m = sector ? 300e3 : 40e3;
+        scope.from_rad = sector ? 1.0 : 0;
+        scope.width_rad = sector ? 0.7 : 7.0;
+        asked = 0;
+        const BlockSet found = blocks_in_scope(db, scope, 128);
+        CHECK(asked < (sector ? 60000 : 12000));  // of 220 000 corners
+        const double km_a_row = 111.2 / 1200, km_a_column = km_a_row * std::cos(scope.lat_deg * 3.14159265 / 180);
+        int missed = 0, in_scope = 0, far = 0, far_taken = 0;
+        for (std::int64_t row = 60; row < db.rows; row += 128)
+            for (std::int64_t column = 60; column < db.columns; column += 128) {
+                const double east = static_cast<double>(column - 41000) * km_a_column,
+                             north = static_cast<double>(30000 - row) * km_a_row, arc = std::hypot(east, north),
+                             azimuth = std::atan2(east, north);
+                const bool taken = found.contains(column / 128, row / 128);
+                if (arc < 0.97 * *scope.reach_m / 1000 && (!sector || (azimuth > 1.05 && azimuth < 1.65))) {
+                    ++in_scope;
+                    missed += !taken;
+                } else if (arc > 1.03 * *scope.reach_m / 1000 + 40) {
+                    ++far;
+                    far_taken += taken;
+                }
+            }
+        CHECK(in_scope > 40);
+        CHECK(missed == 0);
+        CHECK(far > 100000);
+        CHECK(far_taken == 0);
+    }
+}
+
+TEST_CASE("a file's block that no window can hold is decoded once in the pass", "[spill]") {
+    const Folder folder;
+    /// Heights that tell their place; counts how often a block other than the last one is asked for.
+    class Blocks : public RasterLayer {
+    public:
+        Blocks(std::int64_t columns, std::int64_t rows, std::int64_t wide, std::int64_t high) {
+            facts_.role = facts_.path = "drawn";
+            facts_.columns = columns;
+            facts_.rows = rows;
+            facts_.block_columns = wide;
+            facts_.block_rows = high;
+            facts_.type = GDT_Float32;
+            facts_.type_bytes = 4;
+            facts_.compression = "DEFLATE";
+        }
+        void read_heights(const Window& window, float* out, std::int64_t stride) override {
+            for (std::int64_t r = window.rows.begin / facts_.block_rows; r * facts_.block_rows < window.rows.end; ++r)
+                for (std::int64_t c = window.columns.begin / facts_.block_columns;
+                     c * facts_.block_columns < window.columns.end; ++c) {
+                    decoded += std::pair(c, r) != last_;
+                    last_ = {c, r};
+                }
+            for (std::int64_t r = 0; r < window.rows.size(); ++r)
+                for (std::int64_t c = 0; c < window.columns.size(); ++c)
+                    out[r * stride + c] = post(window.columns.begin + c, window.rows.begin + r);
+        }
+        static float post(std::int64_t c, std::int64_t r) {
+            return static_cast<float>(c % 977) + 0.25F * static_cast<float>(r % 631);
+        }
+        void read_values(const Window&, void*, GDALDataType, std::int64_t) override {}
+        std::uint64_t fingerprint(const std::vector<Window>&) override { return 1; }
+        int decoded = 0;
+
+    private:
+        std::pair<std::int64_t, std::int64_t> last_{-1, -1};
+    };
+    struct Shape {
+        std::int64_t wide, high;
+        int blocks;
+    };
+    for (const Shape& shape : {Shape{1024, 1024, 9}, Shape{3000, 640, 5}, Shape{896, 3000, 4}, Shape{256, 256, 144}})
+        for (const std::size_t memory : {std::size_t{1} << 20, std::size_t{3} << 20, std::size_t{20} << 20}) {
+            INFO("blocks of " << shape.wide << " x " << shape.high << " in " << memory);
+            Blocks in(3000, 2800, shape.wide, shape.high);
+            SpillParams params;
+            params.folder = folder / "";
+            params.memory_bytes = std::size_t{64} << 20;
+            Spill spill(params);
+            SpillLayer layer;
+            layer.name = "drawn";
+            layer.posts_columns = 3000;
+            layer.posts_rows = 2800;
+            const BlockSet blocks = all_blocks(3000, 2800, spill_edge);
+            layer.blocks = blocks.blocks;
+            const LayerPass pass{in,
+                                 false,
+                                 blocks,
+                                 false,
+                                 spill,
+                                 spill.add_layer(layer),
+                                 [](const Window&) { return WedgeBuckets::Place{}; },
+                                 nullptr,
+                                 {}};
+            PassParams how;
+            how.memory_bytes = memory;
+            how.threads = 1;
+            run_pass(pass, how);
+            spill.seal();
+            // Of blocks of 256 posts several lie in a window.
+            CHECK(in.decoded <= (shape.wide == 256 ? 2 : 1) * shape.blocks);
+            std::vector<std::byte> buffer;
+            int wrong = 0;
+            for (std::int64_t r = 0; r < blocks.blocks.rows.end; ++r)
+                for (std::int64_t c = 0; c < blocks.blocks.columns.end; ++c) {
+                    const Window posts = spill.layer(0).posts(c, r);
+                    std::vector<float> heights(static_cast<std::size_t>(posts.posts()));
+                    const auto bytes = spill.get(0, c, r, buffer);
+                    wrong += !unpack_heights(bytes, posts.columns.size(), posts.rows.size(), {1, 0, 1},
+                                             {{0, posts.columns.size()}, {0, posts.rows.size()}}, heights.data(),
+                                             posts.columns.size());
+                    wrong += heights.back() != Blocks::post(posts.columns.end - 1, posts.rows.end - 1) ||
+                             heights.front() != Blocks::post(posts.columns.begin, posts.rows.begin);
+                }
+            CHECK(wrong == 0);
         }
 }
 

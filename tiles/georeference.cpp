@@ -193,14 +193,34 @@ Georeference::Georeference(const RasterFacts& facts) : facts_(facts) {
     if (!facts_.wgs84_lat_lon) way_ = way_of(facts_);
 }
 
+/// Of a cylindrical projection x is a straight function of longitude alone: it goes on where longitudes begin anew.
+double Georeference::find_circle_x() const {
+    if (!way_ || facts_.geographic) return facts_.geographic ? 360 : 0;
+    const auto x_of = [&](double lat_deg, double lon_deg) {
+        double x = lon_deg, y = lat_deg;
+        return way_->transform(Way::forward, x, y) ? x : std::numeric_limits<double>::quiet_NaN();
+    };
+    // Its own seam may lie in the first three.
+    for (const double lon_deg : {20.0, 80.0}) {
+        const double west = x_of(0, lon_deg), middle = x_of(0, lon_deg + 10), east = x_of(0, lon_deg + 20),
+                     circle = 36 * (middle - west), tolerance = 1e-9 * std::abs(circle);
+        const bool straight = std::abs(36 * (east - middle) - circle) <= 36 * tolerance;
+        if (straight && circle != 0 && std::abs(x_of(50, lon_deg) - west) <= tolerance &&
+            std::abs(x_of(50, lon_deg + 20) - east) <= tolerance)
+            return std::abs(circle);
+    }
+    return 0;
+}
+
 IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
     double x = lon_deg, y = lat_deg;
     if (way_ && !way_->transform(Way::forward, x, y))
         throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ", lon_deg,
                              " in its CRS '", facts_.crs->definition(), "': ", way_->reason()));
     IndexPosition at{(x - facts_.corner_x) / facts_.step_x - 0.5, (y - facts_.corner_y) / facts_.step_y - 0.5};
-    if (facts_.geographic) {
-        const double circle = 360 / facts_.step_x;
+    std::call_once(seen_round_, [this] { circle_x_ = find_circle_x(); });
+    if (circle_x_ > 0) {
+        const double circle = circle_x_ / facts_.step_x;
         const double middle = 0.5 * static_cast<double>(facts_.columns - 1);
         at.column -= circle * std::round((at.column - middle) / circle);
     }

@@ -4,6 +4,7 @@
 // For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
 #pragma once
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -25,8 +26,11 @@ private:
     class ByProj;
     class ByMercator;
     static std::shared_ptr<Way> way_of(const RasterFacts& facts);
+    double find_circle_x() const;
     RasterFacts facts_;
     std::shared_ptr<Way> way_;  ///< null: WGS84 itself
+    std::once_flag seen_round_;
+    double circle_x_ = 0;  ///< units of x round the earth, the same at every latitude; 0: not so
 };
 
 /// The grid of the terrain's posts and where it lies on earth; nothing about culture.

@@ -93,54 +93,106 @@ BlockSet all_blocks(std::int64_t columns, std::int64_t rows, std::int64_t edge) 
     return out;
 }
 
-BlockSet blocks_in_scope(const DataBase& db, const PartitionScope& scope, std::int64_t edge) {
-    const Window all{{0, up(db.columns, edge)}, {0, up(db.rows, edge)}};
-    const auto width = static_cast<std::size_t>(all.columns.size()), height = static_cast<std::size_t>(all.rows.size());
-    const bool round = scope.width_rad >= turn - 1e-9;
-    if (!scope.reach_m && round) return all_blocks(db.columns, db.rows, edge);
+namespace {
 
-    const auto column = [&](std::size_t i) {
-        return static_cast<double>(std::min(static_cast<std::int64_t>(i) * edge, db.columns - 1));
-    };
-    const auto row = [&](std::size_t i) {
-        return static_cast<double>(std::min(static_cast<std::int64_t>(i) * edge, db.rows - 1));
-    };
-    const auto wanted = [&](const std::array<Direction, 4>& corners, std::size_t c, std::size_t r) {
+/// Which squares of `edge` posts have posts in scope, corner by corner.
+class ScopeTest {
+public:
+    /// `bulge`: how far, in diagonals, a post of a square may be from all of its corners.
+    ScopeTest(const DataBase& db, const PartitionScope& scope, std::int64_t edge, double bulge)
+        : db_(db), scope_(scope), edge_(edge), bulge_(bulge), width_(static_cast<std::size_t>(up(db.columns, edge))),
+          height_(static_cast<std::size_t>(up(db.rows, edge))) {}
+
+    std::size_t width() const { return width_; }
+    std::size_t height() const { return height_; }
+    /// Of those that may(column, row) lets through.
+    template <class May>
+    std::vector<bool> inside(const May& may) const {
+        std::vector<bool> found(width_ * height_, false);
+        std::vector<std::optional<Direction>> above, below(width_ + 1);
+        for (std::size_t r = 0; r < height_; ++r) {
+            above = std::exchange(below, std::vector<std::optional<Direction>>(width_ + 1));
+            const auto corner = [&](std::vector<std::optional<Direction>>& line, std::size_t c, std::size_t at) {
+                if (!line[c]) line[c] = direction(db_, scope_, column(c), row(at));
+                return *line[c];
+            };
+            for (std::size_t c = 0; c < width_; ++c)
+                if (may(c, r))
+                    found[r * width_ + c] = wanted({corner(above, c, r), corner(above, c + 1, r),
+                                                    corner(below, c, r + 1), corner(below, c + 1, r + 1)},
+                                                   c, r);
+        }
+        return found;
+    }
+
+private:
+    double column(std::size_t i) const {
+        return static_cast<double>(std::min(static_cast<std::int64_t>(i) * edge_, db_.columns - 1));
+    }
+    double row(std::size_t i) const {
+        return static_cast<double>(std::min(static_cast<std::int64_t>(i) * edge_, db_.rows - 1));
+    }
+    bool wanted(const std::array<Direction, 4>& corners, std::size_t c, std::size_t r) const {
         double nearest = std::numeric_limits<double>::infinity();
         for (const Direction& d : corners) {
             if (!d.known) return true;
             nearest = std::min(nearest, d.arc_m);
         }
-        // No post is farther from all corners than half a diagonal, and a bit where the sides are curved.
         const double half_m =
-            0.55 * std::max(apart(scope, corners[0], corners[3]), apart(scope, corners[1], corners[2]));
+            bulge_ * std::max(apart(scope_, corners[0], corners[3]), apart(scope_, corners[1], corners[2]));
         nearest -= half_m;
         if (nearest <= half_m) return true;
-        if (scope.nadir.column >= column(c) && scope.nadir.column <= column(c + 1) && scope.nadir.row >= row(r) &&
-            scope.nadir.row <= row(r + 1))
+        if (scope_.nadir.column >= column(c) && scope_.nadir.column <= column(c + 1) && scope_.nadir.row >= row(r) &&
+            scope_.nadir.row <= row(r + 1))
             return true;
-        if (scope.reach_m && nearest > *scope.reach_m) return false;
-        if (round) return true;
+        if (scope_.reach_m && nearest > *scope_.reach_m) return false;
+        if (scope_.all_round()) return true;
         double lo = 0, hi = 0;
         for (const Direction& d : corners) {
             const double off = std::remainder(d.azimuth_rad - corners[0].azimuth_rad, turn);
             lo = std::min(lo, off);
             hi = std::max(hi, off);
         }
-        double begin = std::fmod(corners[0].azimuth_rad + lo - scope.from_rad, turn);
+        double begin = std::fmod(corners[0].azimuth_rad + lo - scope_.from_rad, turn);
         if (begin < 0) begin += turn;
-        return begin <= scope.width_rad || begin + (hi - lo) >= turn;
-    };
-    std::vector<bool> inside(width * height, false);
-    std::vector<Direction> above(width + 1), below(width + 1);
-    for (std::size_t c = 0; c <= width; ++c) below[c] = direction(db, scope, column(c), row(0));
-    for (std::size_t r = 0; r < height; ++r) {
-        std::swap(above, below);
-        for (std::size_t c = 0; c <= width; ++c) below[c] = direction(db, scope, column(c), row(r + 1));
-        for (std::size_t c = 0; c < width; ++c)
-            inside[r * width + c] = wanted({above[c], above[c + 1], below[c], below[c + 1]}, c, r);
+        return begin <= scope_.width_rad || begin + (hi - lo) >= turn;
     }
+
+    const DataBase& db_;
+    const PartitionScope& scope_;
+    std::int64_t edge_;
+    double bulge_;
+    std::size_t width_, height_;
+};
+
+}  // namespace
+
+BlockSet blocks_in_scope(const DataBase& db, const PartitionScope& scope, std::int64_t edge) {
+    if (!scope.reach_m && scope.all_round()) return all_blocks(db.columns, db.rows, edge);
+    // No post is farther from all corners than half a diagonal, and a bit where the sides are curved.
+    constexpr double bulge = 0.55;
+    const ScopeTest test(db, scope, edge, bulge);
+    // Squares of many blocks first, where they are small on the earth: a corner takes a geodesic, and of a large raster most lie
+    // beyond the reach.
+    constexpr std::int64_t many = 16;
+    constexpr double wide_bulge = 0.8, small_m = 300e3;
+    std::vector<bool> squares;
+    const ScopeTest coarse(db, scope, many * edge, wide_bulge);
+    if (static_cast<double>(many * edge) * db.longer_post_m() <= small_m)
+        squares = coarse.inside([](std::size_t, std::size_t) { return true; });
+    const std::vector<bool> inside = test.inside([&](std::size_t c, std::size_t r) {
+        if (squares.empty()) return true;
+        // A block beside a square counts with it: sides bend.
+        constexpr std::size_t side = many;
+        for (std::size_t y = (r - std::min<std::size_t>(r, 1)) / side;
+             y <= std::min((r + 1) / side, coarse.height() - 1); ++y)
+            for (std::size_t x = (c - std::min<std::size_t>(c, 1)) / side;
+                 x <= std::min((c + 1) / side, coarse.width() - 1); ++x)
+                if (squares[y * coarse.width() + x]) return true;
+        return false;
+    });
     // One block more all round: what a wedge takes beside its own spokes, and what rounding makes of the edge.
+    const std::size_t width = test.width(), height = test.height();
     std::vector<bool> needed(width * height, false);
     for (std::size_t r = 0; r < height; ++r)
         for (std::size_t c = 0; c < width; ++c) {
@@ -155,7 +207,7 @@ BlockSet blocks_in_scope(const DataBase& db, const PartitionScope& scope, std::i
                         needed[y * width + x] = true;
             }
         }
-    return trimmed(all, edge, needed);
+    return trimmed({{0, static_cast<std::int64_t>(width)}, {0, static_cast<std::int64_t>(height)}}, edge, needed);
 }
 
 std::int64_t block_edge(const RasterFacts& facts, std::size_t memory_bytes) {
@@ -415,62 +467,77 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
     std::vector<Window> windows;
     if (wanted.empty()) return windows;
     // Across: from window row to window row; along: what one row of file blocks runs over.
-    const bool by_columns = f.unit_columns() < f.unit_rows();
+    const bool by_columns = f.decoded_columns() < f.decoded_rows();
     const Interval across = by_columns ? wanted.columns : wanted.rows,
                    along = by_columns ? wanted.rows : wanted.columns;
-    const std::int64_t file_across = by_columns ? f.unit_columns() : f.unit_rows();
-    const std::int64_t file_along = by_columns ? f.unit_rows() : f.unit_columns();
-    constexpr std::int64_t most_unit = 1024;
-    const auto unit = [&](std::int64_t file) { return file <= most_unit ? up(file, edge) * edge : edge; };
-    std::int64_t high = unit(file_across), wide = along.size();
-    if (high * wide > most_posts) {
-        const bool cut_that_way = 2 * file_along <= along.size();
-        if (!cut_that_way) high = edge;
-        if (high * wide > most_posts) {
-            const std::int64_t step = cut_that_way ? unit(file_along) : edge;
-            wide = std::max(step, most_posts / high / step * step);
-            if (high * wide > most_posts) {
-                high = edge;
-                wide = std::max(edge, most_posts / high / edge * edge);
-            }
-        }
-    } else {
+    const std::int64_t file_across = by_columns ? f.decoded_columns() : f.decoded_rows();
+    const std::int64_t file_along = by_columns ? f.decoded_rows() : f.decoded_columns();
+    const std::int64_t file_high = up(file_across, edge) * edge, file_wide = up(file_along, edge) * edge;
+    const bool cut_along = 2 * file_along <= along.size();
+    // A window, and a part of the file whose windows come one after the other: a file's block that no window can hold is decoded
+    // once for all of its own.
+    std::int64_t high = file_high, wide = along.size(), part_high = 0, part_wide = along.size();
+    if (high * wide <= most_posts) {
         high *= std::max<std::int64_t>(1, most_posts / (high * wide));
+    } else if (cut_along && high * file_wide <= most_posts) {
+        wide = most_posts / high / file_wide * file_wide;
+    } else {
+        part_high = file_high;
+        if (cut_along) part_wide = file_wide;
+        wide = std::min(wide, part_wide);
+        high = std::clamp(most_posts / wide / edge * edge, edge, file_high);
+        if (high * wide > most_posts) wide = std::max(edge, most_posts / high / edge * edge);
     }
+    part_high = std::max(part_high, high);
     // Edges at whole multiples, so that the file's blocks are cut by none.
-    const std::int64_t wide_unit = wide >= along.size() ? 0 : wide;
-    for (std::int64_t a = across.begin; a < across.end;) {
-        const std::int64_t a_end = std::min((block_along(a, high) + 1) * high, across.end);
-        for (std::int64_t b = along.begin; b < along.end;) {
-            const std::int64_t b_end =
-                wide_unit ? std::min((block_along(b, wide_unit) + 1) * wide_unit, along.end) : along.end;
-            Window w = by_columns ? Window{{a, a_end}, {b, b_end}} : Window{{b, b_end}, {a, a_end}};
-            if (!layer.read_all) {
-                // Only the hull of the blocks needed here.
-                const Window blocks = in_blocks(w, edge);
-                Window needed;
-                for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
-                    for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
-                        if (layer.blocks.contains(c, r)) needed = hull(needed, {{c, c + 1}, {r, r + 1}});
-                w = intersection(posts_of(needed), w);
-            }
-            if (!w.empty()) windows.push_back(w);
-            b = b_end;
+    const auto step = [](std::int64_t at, std::int64_t size, Interval of) {
+        return Interval{at, size >= of.size() ? of.end : std::min((block_along(at, size) + 1) * size, of.end)};
+    };
+    const auto add = [&](Interval a, Interval b) {
+        Window w = by_columns ? Window{a, b} : Window{b, a};
+        if (!layer.read_all) {
+            // Only the hull of the blocks needed here.
+            const Window blocks = in_blocks(w, edge);
+            Window needed;
+            for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+                for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
+                    if (layer.blocks.contains(c, r)) needed = hull(needed, {{c, c + 1}, {r, r + 1}});
+            w = intersection(posts_of(needed), w);
         }
-        a = a_end;
+        if (!w.empty()) windows.push_back(w);
+    };
+    for (Interval down{across.begin, across.begin}; down.end < across.end;) {
+        down = step(down.end, part_high, across);
+        for (Interval over{along.begin, along.begin}; over.end < along.end;) {
+            over = step(over.end, part_wide, along);
+            for (Interval a{down.begin, down.begin}; a.end < down.end;) {
+                a = step(a.end, high, down);
+                for (Interval b{over.begin, over.begin}; b.end < over.end;) {
+                    b = step(b.end, wide, over);
+                    add(a, b);
+                }
+            }
+        }
     }
     return windows;
 }
 
-/// File blocks so high that each window decodes one anew unless it is still there: one reader only.
-bool one_by_one(const RasterFacts& f) { return std::min(f.unit_rows(), f.unit_columns()) > 1024; }
+/// Blocks of the file that windows of several threads cannot hold: each would decode them anew, so one reader goes through them.
+bool one_by_one(const LayerPass& layer, std::int64_t most_posts) {
+    const RasterFacts& f = layer.in.facts();
+    const std::int64_t edge = layer.blocks.edge;
+    return std::min(f.decoded_rows(), f.decoded_columns()) > edge &&
+           f.decoded_rows() * f.decoded_columns() > most_posts;
+}
 
-std::size_t tokens_of(const RasterFacts& f, const PassParams& params) {
-    return one_by_one(f) ? 1 : static_cast<std::size_t>(std::max(1, params.threads)) + (params.threads > 1 ? 1 : 0);
+std::size_t tokens_of(const LayerPass& layer, const PassParams& params) {
+    const std::size_t threads = static_cast<std::size_t>(std::max(1, params.threads)),
+                      tokens = threads + (threads > 1 ? 1 : 0);
+    return one_by_one(layer, static_cast<std::int64_t>(params.memory_bytes / (tokens * bytes_a_post))) ? 1 : tokens;
 }
 
 std::int64_t posts_a_window(const LayerPass& layer, const PassParams& params) {
-    const std::size_t tokens = tokens_of(layer.in.facts(), params);
+    const std::size_t tokens = tokens_of(layer, params);
     return std::clamp<std::int64_t>(static_cast<std::int64_t>(params.memory_bytes / (tokens * bytes_a_post)),
                                     layer.blocks.edge * layer.blocks.edge, most_window_posts);
 }
@@ -557,7 +624,7 @@ PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassPar
     for (const LayerPass& layer : layers) {
         const std::int64_t edge = layer.blocks.edge, width = packed_width(layer);
         const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
-        const std::size_t at_once = std::min(windows.size(), tokens_of(layer.in.facts(), params));
+        const std::size_t at_once = std::min(windows.size(), tokens_of(layer, params));
         sum.readers = std::max(sum.readers, std::min(at_once, static_cast<std::size_t>(std::max(1, params.threads))));
         for (const Window& window : windows) {
             sum.window_bytes =
@@ -637,11 +704,10 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     Threads threads(std::max(1, params.threads));
     handover.pass();
     threads.execute([&] {
-        tbb::parallel_pipeline(
-            tokens_of(layer.in.facts(), params),
-            tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, give) &
-                tbb::make_filter<std::size_t, std::size_t>(tbb::filter_mode::parallel, pack) &
-                tbb::make_filter<std::size_t, void>(tbb::filter_mode::serial_in_order, take));
+        tbb::parallel_pipeline(tokens_of(layer, params),
+                               tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, give) &
+                                   tbb::make_filter<std::size_t, std::size_t>(tbb::filter_mode::parallel, pack) &
+                                   tbb::make_filter<std::size_t, void>(tbb::filter_mode::serial_in_order, take));
     });
     handover.pass();
     span.add_bytes(done.read_bytes);

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -32,6 +33,7 @@ struct PartitionScope {
     double lat_deg = 0, lon_deg = 0;       ///< geodesic only
     std::optional<double> reach_m;         ///< ground range; none: the whole raster
     double from_rad = 0, width_rad = 7.0;  ///< azimuths, clockwise; 2 pi and more: all round
+    bool all_round() const { return width_rad >= 2 * std::numbers::pi - 1e-9; }
 };
 PartitionScope scope_of(const ResolvedScene& scene);
 

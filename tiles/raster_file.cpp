@@ -227,8 +227,8 @@ ReaderBytes dataset_bytes(GDALDataset& dataset) {
     return bytes;
 }
 
-/// Of the rasters that a VRT is made of; GDAL holds some of them open.
-ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) {
+/// Of the rasters that a VRT is made of, of which GDAL holds some open: takes their blocks into `facts`.
+ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes, RasterFacts& facts) {
     constexpr std::size_t most_asked = 64;  // of a large mosaic's parts these stand for all
     GdalErrors quiet;
     ReaderBytes largest;
@@ -238,6 +238,10 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) 
         const DatasetHandle part = open_dataset(file);
         if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
         ++parts;
+        int columns = 0, rows = 0;
+        part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
+        facts.behind_columns = std::max<std::int64_t>(facts.behind_columns, columns);
+        facts.behind_rows = std::max<std::int64_t>(facts.behind_rows, rows);
         const ReaderBytes own = dataset_bytes(*part);
         largest = {std::max(largest.decoded, own.decoded), std::max(largest.packed, own.packed)};
     }
@@ -368,7 +372,7 @@ RasterFile::RasterFile(std::string role, std::string path) {
     files_ = files_behind(*dataset);
     reader_bytes_ = dataset_bytes(*dataset);
     if (facts_.driver == "VRT") {
-        reader_bytes_ = vrt_bytes(files_, reader_bytes_);
+        reader_bytes_ = vrt_bytes(files_, reader_bytes_, facts_);
     } else if (before) {
         remember(*before, {facts_, files_, states_of(files_), reader_bytes_});
     }

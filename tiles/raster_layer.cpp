@@ -294,6 +294,14 @@ void RasterLayer::make_heights(const Window& window, float* out, std::int64_t st
     }
 }
 
+void refuse_culture(const RasterFacts& facts, std::int64_t column, std::int64_t row, float value, double scale) {
+    throw DataError(
+        text(facts.named(), ": height at column ", column, ", row ", row, " is ", value,
+             value < 0 ? " m; accepted: 0 and above"
+                       : text(", and times ", scale, " (culture-height-scale) ", scale * static_cast<double>(value),
+                              " m; accepted: at most ", highest_height_m, " m")));
+}
+
 void RasterLayer::read_codes(const Window& window, std::int32_t* out) {
     if (window.empty()) return;
     const auto n = static_cast<std::size_t>(window.posts());

@@ -67,6 +67,12 @@ struct RasterFacts {
     std::int64_t unit_rows() const { return rows_in_parts ? std::min(rows, part_posts) : block_rows; }
     static constexpr std::int64_t part_posts = 256;
 
+    /// Of a VRT: the largest blocks of the rasters that it is made of.
+    std::int64_t behind_columns = 0, behind_rows = 0;
+    /// What is decoded together.
+    std::int64_t decoded_columns() const { return std::max(unit_columns(), behind_columns); }
+    std::int64_t decoded_rows() const { return std::max(unit_rows(), behind_rows); }
+
     bool packed() const { return !compression.empty() && !EQUAL(compression.c_str(), "NONE"); }
     /// Lines of words, one a row, which are found one after the other.
     bool is_text() const { return driver == "AAIGrid" || driver == "GRASSASCIIGrid" || driver == "ISG"; }
@@ -88,6 +94,14 @@ struct RasterFacts {
 inline constexpr double huge_no_data = 1e30;
 /// Of a raster with such a one: a value v is void where v times this is more than that. Else 0.
 double huge_no_data_sign(const RasterFacts& facts);
+
+/// Of a layer of culture heights in units of `scale` metres: the largest value that is none too high.
+inline float highest_culture(double scale) {
+    return scale > 1 ? static_cast<float>(static_cast<double>(highest_height_m) / scale) : highest_height_m;
+}
+/// DataError that names the cell and what it holds: below 0, or above highest_culture().
+[[noreturn]] void refuse_culture(const RasterFacts& facts, std::int64_t column, std::int64_t row, float value,
+                                 double scale);
 
 /// DataError for fewer posts than a terrain must have.
 void check_terrain_size(const RasterFacts& facts);

@@ -89,8 +89,9 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
                           needed = cache_need({all.begin(), all.end()}, params_, class_bytes_of_strips()).tile_bytes;
         GdalSession::set_cache_bytes(params_.cache_bytes - share);
         tiles_->limit(needed);
-        params_.cache_bytes += needed - share;
-        if (params_.by_strips) limit_tiles();
+        if (params_.by_strips) limit_tiles(share + params_.more_cache_bytes);
+        params_.cache_bytes += tiles_->most_bytes();
+        params_.cache_bytes -= share;
     } else if (culture_) {                     // classes alone, in what GDAL leaves with all of its layers decoded
         constexpr double beside_blocks = 1.1;  // what GDAL notes of each; strips may be short
         double left = static_cast<double>(params_.cache_bytes);
@@ -301,15 +302,6 @@ std::size_t RasterSource::reader_bytes() const {
     return all.decoded + all.packed;
 }
 
-double RasterSource::strip_bytes(const Tiling& tiling, double columns_a_post, double rows_a_post) {
-    constexpr double strip = 256, sides = 2, spare = 1.25;  // posts; two strips each way
-    const double wide = std::max(tiling.wide, strip * std::fabs(columns_a_post)),
-                 high = std::max(tiling.high, strip * std::fabs(rows_a_post)),
-                 tile = tiling.wide * tiling.high * tiling.value_bytes;
-    return sides * spare * tiling.value_bytes * (1 + TileCache::entry_bytes / tile) *
-           (tiling.columns * high + tiling.rows * wide);
-}
-
 double RasterSource::class_bytes_of_strips() const {
     if (!culture_) return 0;
     const DataBase& d = data_base_;
@@ -321,15 +313,15 @@ double RasterSource::class_bytes_of_strips() const {
     return std::min(all, strip_bytes(tiling, culture_->columns().scale, culture_->rows().scale));
 }
 
-void RasterSource::limit_tiles() {
+void RasterSource::limit_tiles(std::size_t most_bytes) {
     double bytes = class_bytes_of_strips();
+    bool any_packed = false;
     const auto add = [&](const RasterLayer& layer, double columns_a_post, double rows_a_post) {
         if (!layer.fills_tile_cache()) return;
         const RasterFacts& f = layer.facts();
-        const Tiling tiling{static_cast<double>(f.columns), static_cast<double>(f.rows),
-                            static_cast<double>(f.block_columns), static_cast<double>(f.block_rows),
-                            static_cast<double>(f.type_bytes)};
+        const Tiling tiling = tiling_of(f);
         const double strips = strip_bytes(tiling, columns_a_post, rows_a_post);
+        any_packed |= f.packed();
         // The system has tiles that are not packed at hand; a copy's fresh pages cost more than a tile that is read again.
         constexpr double few = 16, least = 4 << 20;
         const double some = few * (tiling.wide * tiling.high * tiling.value_bytes + TileCache::entry_bytes);
@@ -340,10 +332,9 @@ void RasterSource::limit_tiles() {
     add(*terrain_, 1, 1);
     for (auto* layer : {culture_.get(), height_.get()})
         if (layer) add(layer->raster(), layer->columns().scale, layer->rows().scale);
-    const std::size_t share = tiles_->most_bytes();
-    if (bytes >= static_cast<double>(share)) return;
-    tiles_->limit(static_cast<std::size_t>(bytes));
-    params_.cache_bytes -= share - static_cast<std::size_t>(bytes);
+    // Tiles that are unpacked for every strip anew cost more than the memory that holds them.
+    const bool fit = bytes <= static_cast<double>(any_packed ? most_bytes : tiles_->most_bytes());
+    if (fit) tiles_->limit(static_cast<std::size_t>(bytes));
 }
 
 std::vector<RasterLayer*> RasterSource::readers() const {

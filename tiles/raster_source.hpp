@@ -65,14 +65,8 @@ public:
 
 protected:
     /// Of the tiles that are kept those under one strip in each of the four quadrants, and a quarter more; of tiles that are
-    /// not packed a few.
-    void limit_tiles();
-    /// A raster and its tiles: cells each way, and bytes a cell.
-    struct Tiling {
-        double columns, rows, wide, high, value_bytes;
-    };
-    /// What these are of one layer, and of classes.
-    static double strip_bytes(const Tiling& tiling, double columns_a_post, double rows_a_post);
+    /// not packed a few. Up to `most_bytes` where packed ones need it.
+    void limit_tiles(std::size_t most_bytes);
     double class_bytes_of_strips() const;
     /// Classes of a whole tile of culture, as fronts ask for them, are kept: by which number. None for other windows.
     std::optional<TileCache::Key> class_tile(const Window& window) const;

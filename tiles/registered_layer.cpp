@@ -94,7 +94,9 @@ std::vector<Run> runs(const std::vector<std::int64_t>& source, std::int64_t step
 }
 
 std::int64_t Axis::cell(std::int64_t index) const {
-    return static_cast<std::int64_t>(std::floor(offset + scale * static_cast<double>(index)));
+    // A post on the edge of two cells lies in the second, along columns as along rows: no rounding chooses.
+    constexpr double on_edge = 1e-6;
+    return static_cast<std::int64_t>(std::floor(offset + scale * static_cast<double>(index) + on_edge));
 }
 
 std::int64_t Axis::inside(std::int64_t i) const {
@@ -189,7 +191,7 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
                             run.source.begin;
                 ledger_->touch(cells);
                 raster_->read_heights(cells, to, stride);
-                refuse_negative(cells, to, stride);
+                check_heights(cells, to, stride, scale);
                 read += cells.posts();
             };
             if (needed.all())
@@ -212,12 +214,13 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
     return read;
 }
 
-void RegisteredLayer::refuse_negative(const Window& window, const float* values, std::int64_t stride) const {
+void RegisteredLayer::check_heights(const Window& window, const float* values, std::int64_t stride,
+                                    double scale) const {
+    const float most = highest_culture(scale);
     for (std::int64_t r = 0; r < window.rows.size(); ++r)
         for (std::int64_t c = 0; c < window.columns.size(); ++c)
-            if (values[r * stride + c] < 0)
-                throw DataError(text(facts().named(), ": height at column ", window.columns.begin + c, ", row ",
-                                     window.rows.begin + r, " is ", values[r * stride + c], "; accepted: 0 and above"));
+            if (const float z = values[r * stride + c]; z < 0 || z > most)
+                refuse_culture(facts(), window.columns.begin + c, window.rows.begin + r, z, scale);
 }
 
 void RegisteredLayer::pass(const Window& posts, Skip reason) {

@@ -117,7 +117,7 @@ private:
             }
         return all;
     }
-    void refuse_negative(const Window& window, const float* values, std::int64_t stride) const;
+    void check_heights(const Window& window, const float* values, std::int64_t stride, double scale) const;
 
     std::unique_ptr<RasterLayer> raster_;
     Axis columns_, rows_;

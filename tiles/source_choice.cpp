@@ -44,8 +44,9 @@ Cut cut_of(const RasterLayer& raster) {
     return cut;
 }
 
-/// By the rasters alone.
-SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std::size_t memory_bytes) {
+/// By the rasters, and how far the scene looks where it says so.
+SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std::optional<double> range_m,
+                             std::size_t memory_bytes) {
     const bool store = is_tile_store(params.dem);
     const auto tiles = std::make_shared<TileCache>(tile_cache_share(params.cache_bytes));
     std::vector<std::unique_ptr<RasterLayer>> opened;
@@ -80,6 +81,9 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
     const bool whole = std::any_of(layers.begin(), layers.end(),
                                    [](const RasterLayer* layer) { return layer->facts().packed_as_a_whole(); });
     if (whole) return {true, false, text(shape, "; each is decoded behind all above it"), ""};
+    const bool lines =
+        std::any_of(layers.begin(), layers.end(), [](const RasterLayer* layer) { return layer->facts().is_text(); });
+    if (lines) return {true, false, text(shape, "; lines of text are read once"), ""};
     // Beside images and chunks there must be room for a block, every time that something is read.
     constexpr double most_decoded = RasterLayer::most_decoded_a_post;
     if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)
@@ -87,6 +91,11 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
             true, false,
             text(shape, "; to read one takes ", (reader.decoded + reader.packed) >> 20, " MiB of ", memory_bytes >> 20),
             ""};
+    if (double bytes = 0; unpacks_again(layers, params, range_m, bytes))
+        return {true, false,
+                text(shape, "; those round the sensor take ", static_cast<std::uint64_t>(bytes) >> 20,
+                     " MiB, and would be unpacked for each strip anew"),
+                ""};
     if (worst.decoded <= most_decoded) return {false, false, shape, ""};
     return {
         true, false,
@@ -98,7 +107,7 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
 
 SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
                            std::size_t memory_bytes) {
-    SourceChoice choice = choose_by_shape(params, asked, memory_bytes);
+    SourceChoice choice = choose_by_shape(params, asked, scene.range_m, memory_bytes);
     std::error_code ignored;
     if (asked == SourceKind::direct || !is_tile_store(params.dem) ||
         !std::filesystem::exists(kept_path(params.dem), ignored))

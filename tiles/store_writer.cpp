@@ -114,8 +114,8 @@ private:
     void add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done,
                    CodeCounts& unknown) const;
     void add_unknown(const CodeCounts& codes);
-    static void add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
-                            Done& done);
+    void add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
+                     Done& done) const;
     bool finished_before(const Job& job, Done& done);
     Window with_next(const Window& posts) const;
     void finish();
@@ -405,17 +405,19 @@ void StoreWriter::add_unknown(const CodeCounts& codes) {
 
 /// The same of heights.
 void StoreWriter::add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
-                              Done& done) {
+                              Done& done) const {
     const PostExtremes found = post_extremes(heights, given, own);
     done.values.voids += found.voids;
     done.values.lowest = std::min(done.values.lowest, found.lowest_m);
     done.values.highest = std::max(done.values.highest, found.highest_m);
-    if (layer.kind != StoreLayerKind::culture_height || !(found.lowest_m < 0)) return;
+    if (layer.kind != StoreLayerKind::culture_height) return;
+    const double scale = params_.culture_height_scale;
+    const float most = highest_culture(scale);
+    if (!(found.lowest_m < 0) && !(found.highest_m > most)) return;
     for (std::int64_t row = own.rows.begin; row < own.rows.end; ++row)
         for (std::int64_t column = own.columns.begin; column < own.columns.end; ++column)
-            if (const float z = heights[given.at(column, row)]; z < 0)
-                throw DataError(text(layer.facts().named(), ": height at column ", column, ", row ", row, " is ", z,
-                                     "; accepted: 0 and above"));
+            if (const float z = heights[given.at(column, row)]; z < 0 || z > most)
+                refuse_culture(layer.facts(), column, row, z, scale);
 }
 
 /// A sheet on its way: a band of tiles after the other, from the top.
@@ -478,7 +480,7 @@ void StoreWriter::Sheet::add_band(Interval rows, Mosaic::Posts& posts) {
         if (layer_.codes())
             store_.add_codes(posts.codes.data(), given, own, done_, unknown_codes_);
         else if (!own.columns.empty())
-            add_heights(layer_, posts.heights.data(), given, own, done_);
+            store_.add_heights(layer_, posts.heights.data(), given, own, done_);
         for (std::int64_t y = unit.rows.begin; y < unit.rows.end; y += tile)
             for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
                 writer_.write(

@@ -14,7 +14,7 @@ namespace wedgescope {
 
 void refuse_codes(GDALDriver& driver, const RasterFormat& format, const std::string& final_path, const char* why) {
     throw InputError(text("output '", final_path, "' holds codes, and ", driver_words(driver, format), " ", why,
-                          "; accepted: .tif, .png and others without loss"));
+                          "; accepted: .tif, .img and others without loss"));
 }
 
 bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,

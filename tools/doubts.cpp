@@ -246,6 +246,8 @@ std::string undeclared_void(const std::string& terrain, double lowest_m) {
 std::vector<std::string> doubts_of_heights(const std::string& terrain, WedgeSource& source, double culture_scale) {
     const SourceReport seen = source.report();
     std::vector<std::string> lines;
+    if (culture_scale != 1 && !source.data_base().has_culture_height)
+        lines.emplace_back("culture-height-scale has no effect: there are no culture heights");
     for (std::string line : {undeclared_void(terrain, std::min(lowest_known_m(source), seen.lowest_m)),
                              culture_too_tall(seen, culture_scale)})
         if (!line.empty()) lines.push_back(std::move(line));

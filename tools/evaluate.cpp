@@ -187,6 +187,15 @@ public:
         file_.reset(std::fopen(output_->temporary_path().c_str(), "wb"));
         if (!file_) fail();
     }
+    /// Rows before one that is refused go to standard output all the same; a file does not appear.
+    ~Sink() {
+        try {
+            if (!output_) print(buffer_);
+        } catch (const std::exception&) {  // who reads has gone away
+        }
+    }
+    Sink(const Sink&) = delete;
+    Sink& operator=(const Sink&) = delete;
     void add(std::string_view words) {
         buffer_ += words;
         if (buffer_.size() >= (std::size_t{1} << 16)) flush();

@@ -28,7 +28,10 @@ void run_command(const std::vector<std::string>& words, Stop& stop) {
     if (words.empty()) throw InputError("no command is given (wedgescope help lists them)");
     const std::string& name = words[0];
     const std::vector<std::string> rest(words.begin() + 1, words.end());
-    if (name == "--version" || name == "-V") return print(versions());
+    if (name == "--version" || name == "-V") {
+        if (!rest.empty()) throw InputError(text("found ", in_quotes(rest[0]), " after ", name, "; accepted: nothing"));
+        return print(versions());
+    }
     if (name == "--help" || name == "-h") return help(rest);
     if (name.starts_with('-'))
         throw InputError(

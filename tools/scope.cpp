@@ -7,6 +7,7 @@
 #include "tiles/echo_file.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
+#include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/doubts.hpp"
 #include "tools/help.hpp"
@@ -90,9 +91,11 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const ResolvedScene scene = scene_from_echo(echo, request.given, settings);
     // What is read whole becomes the scene's own image, or a part of it does and the whole is gone before more is made.
     const std::size_t cells = scene.swept == echo.scene.swept ? 0 : echo.scene.swept.cells() + scene.swept.cells(),
-                      needed = std::max(image_bytes(scene, draws(settings)), cells * 5) + cache_bytes(settings);
-    if (needed > settings.memory_bytes)
-        throw TooLittleMemory(static_cast<std::size_t>(settings.memory_bytes), needed, "this picture");
+                      images = std::max(image_bytes(scene, draws(settings)), cells * 5);
+    check_budget(settings, [&](std::size_t memory) {
+        const std::size_t needed = images + cache_bytes(with_memory(settings, memory));
+        if (needed > memory) throw TooLittleMemory(memory, needed, "this picture");
+    });
 
     RunRecords records(settings);
     LayerFiles layers(settings);
