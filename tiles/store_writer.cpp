@@ -13,6 +13,7 @@
 #include "tiles/burnt_layer.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/code_counts.hpp"
+#include "tiles/gdal_session.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
 #include "tiles/raster_driver.hpp"
@@ -102,7 +103,10 @@ private:
     std::unique_ptr<BurntLayer> burnt(StoreLayerKind kind) const;
     void choose_creation(Layer& layer) const;
     std::size_t job_bytes(const Layer& layer, std::size_t sheets = 1) const;
+    std::size_t most_job_bytes() const;
     int jobs_at_once() const;
+    std::size_t decoded_under_bands(int jobs, std::int64_t more_rows) const;
+    void widen_cache();
     std::string plan() const;
     std::int64_t band_rows() const;
     std::int64_t sheets_together(const Layer& layer) const;
@@ -123,6 +127,8 @@ private:
     std::string inside(const std::string& file) const { return folder_.inside(file); }
 
     const TileStoreParams& params_;
+    std::size_t cache_bytes_ = params_.cache_bytes;
+    int most_jobs_ = std::numeric_limits<int>::max();
     UnfinishedStore folder_;  ///< where it is made
     std::vector<std::unique_ptr<Layer>> layers_;
     std::shared_ptr<FeatureFile> features_;    ///< null: none
@@ -272,10 +278,15 @@ std::size_t StoreWriter::job_bytes(const Layer& layer, std::size_t sheets) const
     return bytes + unit * post;
 }
 
-int StoreWriter::jobs_at_once() const {
+std::size_t StoreWriter::most_job_bytes() const {
     std::size_t most = 0;
     for (const auto& layer : layers_) most = std::max(most, job_bytes(*layer));
-    const std::size_t fixed = params_.cache_bytes;
+    return most;
+}
+
+int StoreWriter::jobs_at_once() const {
+    const std::size_t most = most_job_bytes();
+    const std::size_t fixed = cache_bytes_;
     if (params_.memory_bytes < fixed + most) {
         // The cache is an eighth of what is granted, or less.
         const RasterFacts& own = layers_[0]->facts();
@@ -284,7 +295,43 @@ int StoreWriter::jobs_at_once() const {
             layers_[0]->single() ? text(" (blocks of ", own.block_columns, " x ", own.block_rows, " posts)") : "");
     }
     const std::size_t fit = (params_.memory_bytes - fixed) / most;
-    return static_cast<int>(std::min(fit, static_cast<std::size_t>(std::max(1, params_.threads))));
+    return static_cast<int>(
+        std::min(fit, static_cast<std::size_t>(std::min(most_jobs_, std::max(1, params_.threads)))));
+}
+
+/// Of blocks as they are decoded those under a band of a sheet for each job, and `more_rows` rows of blocks below them.
+std::size_t StoreWriter::decoded_under_bands(int jobs, std::int64_t more_rows) const {
+    const auto count = [](std::int64_t posts, std::int64_t block) { return (posts + block - 1) / block; };
+    const auto of = [&](const RasterFacts& f) {
+        const std::int64_t wide = f.block_columns, high = f.block_rows,
+                           across = std::min(count(sheet_posts, wide) + 1, count(f.columns, wide)),
+                           down = std::min(count(band_rows(), high) + more_rows, count(f.rows, high));
+        constexpr std::int64_t beside = 4096;  // what GDAL notes of a block
+        return static_cast<std::size_t>(across * down) * static_cast<std::size_t>(wide * high * f.type_bytes + beside);
+    };
+    std::size_t most = 0;
+    for (const auto& layer : layers_) {
+        if (layer->burnt) continue;
+        const bool with_heights = layer->kind == StoreLayerKind::dem && height_;
+        most = std::max(most, of(layer->facts()) + (with_heights ? of(height_->facts()) : 0));
+    }
+    return static_cast<std::size_t>(jobs) * most;
+}
+
+/// A block that the cache does not hold from band to band is decoded again for each: where there is memory the cache grows until
+/// it does, for fewer jobs at once if need be.
+void StoreWriter::widen_cache() {
+    const int most = jobs_at_once();
+    for (int jobs = most; jobs >= std::max(1, most / 4); --jobs)
+        for (const std::int64_t more_rows : {1, 0}) {
+            const std::size_t wanted = decoded_under_bands(jobs, more_rows),
+                              room = params_.memory_bytes - static_cast<std::size_t>(jobs) * most_job_bytes();
+            if (wanted > room) continue;
+            most_jobs_ = jobs;
+            if (wanted <= cache_bytes_) return;
+            cache_bytes_ = wanted;
+            return GdalSession::set_cache_bytes(wanted);
+        }
 }
 
 /// Of whole tiles and blocks of the detail map.
@@ -298,11 +345,11 @@ std::int64_t StoreWriter::sheets_together(const Layer& layer) const {
         return 1;
     const auto threads = static_cast<std::size_t>(jobs_at_once());
     const auto band = static_cast<std::size_t>((band_rows() + 2 * own.block_rows) * own.columns * own.type_bytes);
-    if (band * threads * (height_ ? 2 : 1) > params_.cache_bytes) return 1;
+    if (band * threads * (height_ ? 2 : 1) > cache_bytes_) return 1;
     const std::int64_t across = layer.entry.sheet_columns(), rows = layer.entry.sheet_rows(),
                        jobs_a_row = std::min(across, (static_cast<std::int64_t>(threads) + rows - 1) / rows);
     std::int64_t together = (across + jobs_a_row - 1) / jobs_a_row;
-    const std::size_t room = params_.memory_bytes - params_.cache_bytes;
+    const std::size_t room = params_.memory_bytes - cache_bytes_;
     while (together > 1 && threads * job_bytes(layer, static_cast<std::size_t>(together)) > room) --together;
     return together;
 }
@@ -692,7 +739,11 @@ TileStoreSummary StoreWriter::summary() const {
 TileStoreSummary StoreWriter::run() {
     folder_.check(params_.overwrite, params_.resume);
     open_layers();
-    jobs_at_once();  // too small a memory is refused before any work
+    widen_cache();  // too small a memory is refused before any work
+    struct GivenCache {
+        std::size_t bytes;
+        ~GivenCache() { GdalSession::set_cache_bytes(bytes); }
+    } const given{params_.cache_bytes};
     const auto close = [&](bool keep_sheets) {
         map_.reset();
         detail_.reset();
