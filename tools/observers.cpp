@@ -68,9 +68,10 @@ Shares share_out(const Settings& settings, const Observers& observers, const Wed
     return shares;
 }
 
-class Run {
+class ObserverSweep {
 public:
-    Run(const Settings& settings, const Observers& observers, WedgeSource& source, Timeline* timeline, Stop& stop)
+    ObserverSweep(const Settings& settings, const Observers& observers, WedgeSource& source, Timeline* timeline,
+                  Stop& stop)
         : settings_(settings), observers_(observers), source_(source), timeline_(timeline), stop_(stop),
           reports_(observers.size()) {}
 
@@ -260,8 +261,8 @@ struct Facts {
 };
 
 /// Observer after observer, so that a long file's report is never held as a whole.
-void write_observers_report(OutputFile& file, const Settings& settings, const Observers& observers, const Run& run,
-                            WedgeSource& source, const Facts& facts, const Usage& usage) {
+void write_observers_report(OutputFile& file, const Settings& settings, const Observers& observers,
+                            const ObserverSweep& run, WedgeSource& source, const Facts& facts, const Usage& usage) {
     const DataBase& db = source.data_base();
     const auto n = static_cast<double>(observers.size());
     const json head{{"format", "wedgescope-observers-1"},
@@ -319,7 +320,8 @@ void write_observers_report(OutputFile& file, const Settings& settings, const Ob
         tail);
 }
 
-std::string observers_table(const Observers& observers, const Run& run, const Facts& facts, const Usage& usage) {
+std::string observers_table(const Observers& observers, const ObserverSweep& run, const Facts& facts,
+                            const Usage& usage) {
     const auto n = static_cast<double>(observers.size());
     const QuadrantReport& total = run.total();
     std::string out =
@@ -342,7 +344,7 @@ std::string observers_table(const Observers& observers, const Run& run, const Fa
 /// Counts that are written.
 struct Counted {
     const Observers& observers;
-    const Run& run;
+    const ObserverSweep& run;
     WedgeSource& source;
     const Facts& facts;
     const std::string &unfit_map, &losses;
@@ -398,11 +400,11 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
         const Settings granted = with_memory(settings, memory);
         const auto source = open_shared_source(granted, stop);
         if (!observers) read(source->data_base());
-        if (!largest) largest = Run(granted, *observers, *source, nullptr, stop).largest();
+        if (!largest) largest = ObserverSweep(granted, *observers, *source, nullptr, stop).largest();
         share_out(granted, *observers, *source, *largest);
     };
     std::unique_ptr<SharedSource> source;
-    std::optional<Run> run;
+    std::optional<ObserverSweep> run;
     Facts facts;
     std::uint64_t data = 0;
     try {

@@ -119,11 +119,11 @@ Lanes share_out(const Settings& settings, const TrackFrames& frames, WedgeSource
     return best;
 }
 
-class Run {
+class FrameMaker {
 public:
     /// `data`: the fingerprint of the data base before any of it was read. `stack`: null where none is asked for.
-    Run(const Settings& settings, const TrackFrames& frames, WedgeSource& source, std::uint64_t data, TrackStack* stack,
-        Timeline* timeline, Stop& stop)
+    FrameMaker(const Settings& settings, const TrackFrames& frames, WedgeSource& source, std::uint64_t data,
+               TrackStack* stack, Timeline* timeline, Stop& stop)
         : settings_(settings), frames_(frames), source_(source), data_(data), stack_(stack), timeline_(timeline),
           stop_(stop), tables_(std::make_shared<const SceneTables>(settings.scene)),
           may_replace_(sparing(input_paths(settings))) {
@@ -315,90 +315,128 @@ std::string heading_beside(const Settings& settings) {
     return beside ? settings.spelled("heading") : "";
 }
 
+/// A track from its file to its pictures, step by step.
+class TrackRun {
+public:
+    TrackRun(const Settings& settings, double start_s, Stop& stop)
+        : start_s_(start_s), stop_(stop), settings_(settings),
+          track_(read_track(settings.track, {settings.scene.platform.heading, heading_beside(settings)}, stop)),
+          frames_(settings_, track_), session_(cache_bytes(settings_), settings_.config) {
+        check_outputs(settings_, frames_);
+        if (!settings_.power_stack.empty()) stack_.emplace(settings_);
+        records_.emplace(settings_);
+    }
+
+    void run() {
+        open();
+        Progress progress(settings_.quiet);
+        maker_->make_all([&](double fraction) { progress.report(fraction); });
+        progress.done();
+        write();
+        tell();
+    }
+
+private:
+    void say(const std::string& line) const {
+        if (!line.empty()) remark(settings_.quiet, line);
+    }
+
+    void open() {
+        const Span opening(records_->timeline(), "open", "stage");
+        Settings first_frame = frames_.settings(0);
+        unfit_map_ =
+            find_ground(first_frame, {.levels = true, .many = frames_.size() >= many_scenes, .whole = true}, stop_);
+        settings_.ground = first_frame.ground;
+        try {
+            open_source();
+        } catch (const TooLittleMemory& e) {
+            maker_.reset();
+            source_.reset();
+            refuse(e, memory_bytes(settings_), [&](std::size_t memory) {
+                const Settings granted = with_memory(settings_, memory);
+                const auto source = open_shared_source(granted, stop_);
+                share_out(granted, frames_, *source, std::make_shared<const SceneTables>(granted.scene), stop_);
+            });
+        }
+        say(hard_to_read(settings_, *source_, stop_));
+        open_s_ = now_s() - start_s_;
+    }
+
+    void open_source() {
+        source_ = open_shared_source(settings_, stop_);
+        const std::uint64_t data = source_->fingerprint({});
+        Threads(thread_count(settings_)).execute([&] { source_->read(&stop_); });
+        check_unchanged(*source_, data);  // no frame is made of two data bases
+        maker_ = std::make_unique<FrameMaker>(settings_, frames_, *source_, data, stack_ ? &*stack_ : nullptr,
+                                              records_->timeline(), stop_);
+        maker_->share_out();
+    }
+
+    /// Frames are written already.
+    void write() {
+        records_->end_timeline();
+        usage_ = usage_since(start_s_);
+        std::vector<OutputFile*> files;
+        if (stack_) {
+            try {
+                stack_->close();
+            } catch (const IoError& e) {
+                throw IoError(e.what() + finished_words(settings_, frames_.size(), frames_.size()));
+            }
+            files.push_back(&stack_->file());
+        }
+        if (OutputFile* to = records_->report())
+            write_track_report(*to, settings_, frames_, maker_->report(), *source_, open_s_, usage_);
+        others_ = records_->commit(files, input_paths(settings_));
+    }
+
+    void tell() const {
+        for (const std::string& line : idle_effects(frames_.settings(0).scene, source_->data_base())) say(line);
+        for (const std::string& line : idle_receiver(settings_.scene.receiver)) say(line);
+        for (const std::string& line : maker_->doubts()) say(line);
+        for (const std::string& line : doubts_of_heights(settings_.dem, *source_, settings_.culture_height_scale))
+            say(line);
+        if (frames_.scans() && frames_.size() == 1)
+            say("scan-step has no effect: a track of one row has no motion, and its sensor stands still");
+        const TrackReport& report = maker_->report();
+        if (settings_.verbose || settings_.profile) fmt::print(stderr, "{}", track_table(report, usage_));
+        if (settings_.profile) fmt::print(stderr, "{}", limits_words(settings_, track_work(report, usage_)));
+        remark_unused(settings_.quiet, unfit_map_);
+        say(text("written: ", written(),
+                 fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s_, report.frames_per_second())));
+    }
+
+    /// "scope_0001.png to scope_0020.png, report.json".
+    std::string written() const {
+        std::string words;
+        const NamedPaths from = layer_paths(frames_.settings(0)),
+                         to = layer_paths(frames_.settings(frames_.size() - 1));
+        for (std::size_t i = 0; i < from.size(); ++i) {
+            if (from[i].second.empty()) continue;
+            words += (words.empty() ? "" : ", ") + from[i].second;
+            if (frames_.size() > 1) words += " to " + to[i].second;
+        }
+        if (!others_.empty()) words += (words.empty() ? "" : ", ") + others_;
+        return words;
+    }
+
+    double start_s_;
+    Stop& stop_;
+    Settings settings_;
+    const Track track_;
+    const TrackFrames frames_;
+    const GdalSession session_;
+    std::optional<TrackStack> stack_;
+    std::optional<RunRecords> records_;
+    std::string unfit_map_, others_;
+    std::unique_ptr<SharedSource> source_;
+    std::unique_ptr<FrameMaker> maker_;
+    double open_s_ = 0;
+    Usage usage_;
+};
+
 }  // namespace
 
-void simulate_track(const Settings& given, double start_s, Stop& stop) {
-    Settings settings = given;
-    const Track track = read_track(settings.track, {settings.scene.platform.heading, heading_beside(settings)}, stop);
-    const TrackFrames frames(settings, track);
-    const GdalSession session(cache_bytes(settings), settings.config);
-    check_outputs(settings, frames);
-    std::optional<TrackStack> stack;
-    if (!settings.power_stack.empty()) stack.emplace(settings);
-    RunRecords records(settings);
-
-    Span opening(records.timeline(), "open", "stage");
-    Settings first_frame = frames.settings(0);
-    const std::string unfit_map =
-        find_ground(first_frame, {.levels = true, .many = frames.size() >= many_scenes, .whole = true}, stop);
-    settings.ground = first_frame.ground;
-    const auto fits = [&](std::size_t memory) {
-        const Settings granted = with_memory(settings, memory);
-        const auto source = open_shared_source(granted, stop);
-        share_out(granted, frames, *source, std::make_shared<const SceneTables>(granted.scene), stop);
-    };
-    std::unique_ptr<SharedSource> source;
-    std::unique_ptr<Run> run;
-    try {
-        source = open_shared_source(settings, stop);
-        const std::uint64_t data = source->fingerprint({});
-        Threads(thread_count(settings)).execute([&] { source->read(&stop); });
-        check_unchanged(*source, data);  // no frame is made of two data bases
-        run =
-            std::make_unique<Run>(settings, frames, *source, data, stack ? &*stack : nullptr, records.timeline(), stop);
-        run->share_out();
-    } catch (const TooLittleMemory& e) {
-        run.reset();
-        source.reset();
-        refuse(e, memory_bytes(settings), fits);
-    }
-    if (const std::string line = hard_to_read(settings, *source, stop); !line.empty()) remark(settings.quiet, line);
-    opening.end();
-    const double open_s = now_s() - start_s;
-
-    Progress progress(settings.quiet);
-    run->make_all([&](double fraction) { progress.report(fraction); });
-    progress.done();
-
-    records.end_timeline();
-    const Usage usage = usage_since(start_s);
-    std::vector<OutputFile*> files;
-    if (stack) {
-        try {
-            stack->close();
-        } catch (const IoError& e) {
-            throw IoError(e.what() + finished_words(settings, frames.size(), frames.size()));
-        }
-        files.push_back(&stack->file());
-    }
-    if (OutputFile* to = records.report())
-        write_track_report(*to, settings, frames, run->report(), *source, open_s, usage);
-    const std::string others = records.commit(files, input_paths(settings));
-
-    for (const std::string& line : idle_effects(frames.settings(0).scene, source->data_base()))
-        remark(settings.quiet, line);
-    for (const std::string& line : idle_receiver(settings.scene.receiver)) remark(settings.quiet, line);
-    for (const std::string& line : run->doubts()) remark(settings.quiet, line);
-    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
-        remark(settings.quiet, line);
-    if (frames.scans() && frames.size() == 1)
-        remark(settings.quiet,
-               "scan-step has no effect: a track of one row has no motion, and its sensor stands still");
-    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(run->report(), usage));
-    if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->report(), usage)));
-    std::string written;
-    const Settings first = frames.settings(0), last = frames.settings(frames.size() - 1);
-    const NamedPaths from = layer_paths(first), to = layer_paths(last);
-    for (std::size_t i = 0; i < from.size(); ++i) {
-        if (from[i].second.empty()) continue;
-        written += (written.empty() ? "" : ", ") + from[i].second;
-        if (frames.size() > 1) written += " to " + to[i].second;
-    }
-    if (!others.empty()) written += (written.empty() ? "" : ", ") + others;
-    remark_unused(settings.quiet, unfit_map);
-    remark(settings.quiet,
-           text("written: ", written,
-                fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s, run->report().frames_per_second())));
-}
+void simulate_track(const Settings& settings, double start_s, Stop& stop) { TrackRun(settings, start_s, stop).run(); }
 
 }  // namespace wedgescope
