@@ -380,6 +380,15 @@ TEST_CASE("areas and lines go on across the antimeridian and round a pole", "[fe
     const auto ring =
         circle.burnt("Polygon", {circle.dense({{0, 20}, {360, 20}}), circle.dense({{0, 5}, {360, 5}})}, "EPSG:3413");
     CHECK(circle.wrong(ring, [&](int, int r) { return within(r, 5, 20); }) == 0);
+    // Where nothing bends, edges are as long as the file has them; wider than half the earth, too.
+    const InDegrees earth(folder, -180, 60, 1, 1, 360, 120);
+    for (const auto& [from, to] : {std::pair(10, 350), std::pair(79, 281), std::pair(100, 260)}) {
+        const auto wide =
+            earth.burnt("Polygon", {{{from, 20}, {to, 20}, {to, 90}, {from, 90}, {from, 20}}}, "EPSG:4087");
+        CHECK(earth.wrong(wide, [&](int c, int r) { return within(c, from, to) && within(r, 20, 90); }) == 0);
+        const auto line = earth.burnt("LineString", {{{from + 0.5, 50.5}, {to - 0.5, 50.5}}}, "EPSG:4087");
+        CHECK(earth.wrong(line, [&](int c, int r) { return r == 50 && within(c, from, to); }) == 0);
+    }
 }
 
 TEST_CASE("edges of degrees lie where they do on the earth, however long, whatever the tiles", "[features][long]") {

@@ -126,13 +126,14 @@ TEST_CASE("where a file cannot be put in place what stood there keeps its side f
     put(folder / "a.tif.aux.xml", "place of the old");
     OutputFile first(folder / "a.tif", true), second(folder / "b.tif", true);
     for (const OutputFile* file : {&first, &second}) put(file->temporary_path(), "new");
-    put(first.temporary_path() + ".aux.xml", "place of the new");
+    for (const char* side : {".aux.xml", ".ovr"}) put(first.temporary_path() + side, "of the new");
     // A folder with something in it comes to stand there, which no file can replace.
     std::filesystem::remove(folder / "a.tif");
     std::filesystem::create_directory(folder / "a.tif");
     put(folder / "a.tif/other", "");
     CHECK_THROWS_AS(OutputFile::commit({&first, &second}), IoError);
     CHECK(get(folder / "a.tif.aux.xml") == "place of the old");
+    CHECK_FALSE(std::filesystem::exists(folder / "a.tif.ovr"));
     std::filesystem::remove_all(folder / "a.tif");
     // Those of a file that is there already are its own.
     put(folder / "a.tif.ovr", "of the old");

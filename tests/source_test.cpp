@@ -766,6 +766,23 @@ TEST_CASE("rasters whose windows decode many posts are read directly where all o
         CHECK_THAT(chosen(params).why, Contains("all 16 MiB fit"));
         params.cache_bytes -= 1;
         CHECK_THAT(chosen(params).why, !Contains("fit"));
+        // They would be unpacked for strip after strip.
+        CHECK(chosen(params).spilled);
+        CHECK(chosen(params).only_faster);
+        const SourceChoice rather = choose_source(params, SourceKind::direct_for_memory, scene, std::size_t{1} << 30);
+        CHECK_FALSE(rather.spilled);
+        CHECK_THAT(rather.why, Contains("sorted it would take more memory"));
+        // What is not packed is read again as easily.
+        d.creation = {"TILED=YES", "BLOCKXSIZE=1024", "BLOCKYSIZE=1024"};
+        draw(folder / "plain.tif", d);
+        std::ofstream(folder / "dem.vrt")
+            << "<VRTDataset rasterXSize='1100' "
+               "rasterYSize='1100'><SRS>EPSG:32611</SRS><GeoTransform>1000,10,0,2000,0,-10</GeoTransform>"
+               "<VRTRasterBand dataType='Float32' band='1'><SimpleSource><SourceFilename relativeToVRT='1'>plain.tif"
+               "</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>";
+        params = only(folder / "dem.vrt");
+        params.cache_bytes = std::size_t{1} << 20;
+        CHECK_FALSE(chosen(params).spilled);
     }
 }
 

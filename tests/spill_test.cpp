@@ -615,7 +615,8 @@ TEST_CASE("a file's block that no window can hold is decoded once in the pass", 
         std::int64_t wide, high;
         int blocks;
     };
-    for (const Shape& shape : {Shape{1024, 1024, 9}, Shape{3000, 640, 5}, Shape{896, 3000, 4}, Shape{256, 256, 144}})
+    for (const Shape& shape :
+         {Shape{1024, 1024, 9}, Shape{3000, 640, 5}, Shape{896, 3000, 4}, Shape{2048, 2048, 4}, Shape{256, 256, 144}})
         for (const std::size_t memory : {std::size_t{1} << 20, std::size_t{3} << 20, std::size_t{20} << 20}) {
             INFO("blocks of " << shape.wide << " x " << shape.high << " in " << memory);
             Blocks in(3000, 2800, shape.wide, shape.high);

@@ -46,8 +46,9 @@ inline bool unpacks_again(const std::vector<const RasterLayer*>& layers, const D
     double tiles = 0, by_gdal = 0;
     for (const RasterLayer* layer : layers) {
         const RasterFacts& f = layer->facts();
-        // What GDAL reads, it reads by whole blocks.
-        if (!f.packed() && !layer->fills_gdal_cache()) continue;
+        // Of other formats that GDAL reads it does not always say.
+        const bool packed = f.packed() || (f.driver == "VRT" ? f.behind_packed : layer->fills_gdal_cache());
+        if (!packed) continue;
         if (std::min(f.decoded_columns(), f.decoded_rows()) <= strip) continue;
         Tiling tiling = tiling_of(f);
         tiling.wide = static_cast<double>(f.decoded_columns());

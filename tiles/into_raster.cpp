@@ -92,6 +92,19 @@ OGREnvelope near_raster(const RasterFacts& grid, double shift, bool raster_geogr
     return out;
 }
 
+/// Twenty degrees of longitude at the raster's middle, in a file's units: an edge no longer than that cannot be taken for one that
+/// goes round the other side of the earth. Infinite where that has no place in the file's CRS.
+double part_of_circle(const RasterFacts& grid, OGRCoordinateTransformation& back) {
+    GdalErrors quiet;
+    const double middle = (grid.corner_x + grid.edge_x()) / 2,
+                 lat = grid.corner_y + static_cast<double>(grid.rows) / 2 * grid.step_y;
+    double x[] = {middle - 10, middle + 10}, y[] = {lat, lat};
+    int good[] = {0, 0};
+    back.Transform(2, x, y, nullptr, good);
+    const double apart = std::hypot(x[1] - x[0], y[1] - y[0]);
+    return good[0] && good[1] && std::isfinite(apart) && apart > 0 ? apart : without_end;
+}
+
 void cut(std::unique_ptr<OGRGeometry>& geometry, const OGREnvelope& to, Cut how, double straight) {
     OGREnvelope own;
     geometry->getEnvelope(&own);
@@ -125,6 +138,8 @@ const IntoRaster::Surroundings& IntoRaster::surroundings(double shift_x) {
         GdalErrors quiet;
         surroundings_ = {shift_x, near_raster(grid_, shift_x, raster_geographic_, back_, file_geographic_),
                          straight_length(grid_, *back_, *to_raster_, file_geographic_)};
+        if (raster_geographic_ && !file_geographic_)
+            surroundings_->straight = std::min(surroundings_->straight, part_of_circle(grid_, *back_));
     }
     return *surroundings_;
 }

@@ -44,8 +44,8 @@ struct ToCells {
 struct Ask {
     std::optional<OGREnvelope> in;  ///< in the file's coordinates; none: all
     double shift_x = 0;
-    OGREnvelope
-        near{};  ///< with `in`, and so much more that polygons may be cut along its sides; endless over the antimeridian
+    /// With `in`, and so much more that polygons may be cut along its sides; endless over the antimeridian.
+    OGREnvelope near{};
 };
 
 /// Where features lie that may fall into a part of the raster.
@@ -76,7 +76,7 @@ private:
     struct Surroundings {
         double shift_x;
         OGREnvelope near;  ///< as near_raster()
-        double straight;   ///< as straight_length()
+        double straight;   ///< as straight_length(), and no more than a small part of the circle
     };
     const RasterFacts& grid_;
     bool raster_geographic_;

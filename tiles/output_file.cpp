@@ -210,7 +210,9 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
         std::string from, to;
     };
     std::vector<Aside> stale;
+    std::vector<Move> beside;  // new side files whose file is not there yet
     const auto put_back = [&] {
+        for (const Move& move : beside) ::unlink(move.to.c_str());
         for (const Aside& aside : stale) ::rename(aside.to.c_str(), aside.from.c_str());
     };
     for (const OutputFile* file : files)
@@ -236,8 +238,11 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
             throw IoError(
                 text("output '", move.to, "' cannot be put in place of '", move.from, "': ", system_reason(reason)));
         }
-        if (move.to == move.file->final_path_)
+        beside.push_back(move);
+        if (move.to == move.file->final_path_) {
             std::erase_if(stale, [&](const Aside& aside) { return aside.file == move.file; });
+            std::erase_if(beside, [&](const Move& other) { return other.file == move.file; });
+        }
     }
     for (OutputFile* file : files) {
         sync(folder_of(file->final_path_), file->final_path_, true);

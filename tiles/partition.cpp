@@ -473,7 +473,7 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
     const std::int64_t file_across = by_columns ? f.decoded_columns() : f.decoded_rows();
     const std::int64_t file_along = by_columns ? f.decoded_rows() : f.decoded_columns();
     const std::int64_t file_high = up(file_across, edge) * edge, file_wide = up(file_along, edge) * edge;
-    const bool cut_along = 2 * file_along <= along.size();
+    const bool cut_along = file_along < along.size();
     // A window, and a part of the file whose windows come one after the other: a file's block that no window can hold is decoded
     // once for all of its own.
     std::int64_t high = file_high, wide = along.size(), part_high = 0, part_wide = along.size();

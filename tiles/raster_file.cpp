@@ -240,8 +240,12 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes, 
         ++parts;
         int columns = 0, rows = 0;
         part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
-        facts.behind_columns = std::max<std::int64_t>(facts.behind_columns, columns);
-        facts.behind_rows = std::max<std::int64_t>(facts.behind_rows, rows);
+        if (std::int64_t{columns} * rows > facts.behind_columns * facts.behind_rows) {
+            facts.behind_columns = columns;
+            facts.behind_rows = rows;
+        }
+        const bool tiff = EQUAL(part->GetDriver()->GetDescription(), "GTiff");
+        facts.behind_packed |= !tiff || part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE") != nullptr;
         const ReaderBytes own = dataset_bytes(*part);
         largest = {std::max(largest.decoded, own.decoded), std::max(largest.packed, own.packed)};
     }

@@ -67,8 +67,9 @@ struct RasterFacts {
     std::int64_t unit_rows() const { return rows_in_parts ? std::min(rows, part_posts) : block_rows; }
     static constexpr std::int64_t part_posts = 256;
 
-    /// Of a VRT: the largest blocks of the rasters that it is made of.
+    /// Of a VRT: the largest block of the rasters that it is made of, and whether one of these is packed.
     std::int64_t behind_columns = 0, behind_rows = 0;
+    bool behind_packed = false;
     /// What is decoded together.
     std::int64_t decoded_columns() const { return std::max(unit_columns(), behind_columns); }
     std::int64_t decoded_rows() const { return std::max(unit_rows(), behind_rows); }

@@ -333,8 +333,8 @@ void RasterSource::limit_tiles(std::size_t most_bytes) {
     for (auto* layer : {culture_.get(), height_.get()})
         if (layer) add(layer->raster(), layer->columns().scale, layer->rows().scale);
     // Tiles that are unpacked for every strip anew cost more than the memory that holds them.
-    const bool fit = bytes <= static_cast<double>(any_packed ? most_bytes : tiles_->most_bytes());
-    if (fit) tiles_->limit(static_cast<std::size_t>(bytes));
+    const auto most = static_cast<double>(any_packed ? most_bytes : tiles_->most_bytes());
+    tiles_->limit(static_cast<std::size_t>(std::min(bytes, most)));
 }
 
 std::vector<RasterLayer*> RasterSource::readers() const {

@@ -30,6 +30,9 @@ Axis axis(double terrain_corner, double terrain_step, std::int64_t posts, double
         out.scale = 1;
         const double centre = std::floor(out.offset) + 0.5;
         if (std::fabs(out.offset - centre) < 1e-6) out.offset = centre;
+    } else {
+        // A post on the edge of two cells lies in the second, along columns as along rows: no rounding chooses.
+        out.offset += 1e-6;
     }
     return out;
 }
@@ -94,9 +97,7 @@ std::vector<Run> runs(const std::vector<std::int64_t>& source, std::int64_t step
 }
 
 std::int64_t Axis::cell(std::int64_t index) const {
-    // A post on the edge of two cells lies in the second, along columns as along rows: no rounding chooses.
-    constexpr double on_edge = 1e-6;
-    return static_cast<std::int64_t>(std::floor(offset + scale * static_cast<double>(index) + on_edge));
+    return static_cast<std::int64_t>(std::floor(offset + scale * static_cast<double>(index)));
 }
 
 std::int64_t Axis::inside(std::int64_t i) const {

@@ -72,6 +72,7 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
                                                       : "tiles",
                                    " of ", worst.columns, " x ", worst.rows,
                                    worst.compression.empty() ? std::string() : ", " + worst.compression);
+    if (asked == SourceKind::direct_for_memory) return {false, false, shape + "; sorted it would take more memory", ""};
     if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
     const CacheNeed need = cache_need(layers, params);
     if (need.fits) {
@@ -95,7 +96,7 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
         return {true, false,
                 text(shape, "; those round the sensor take ", static_cast<std::uint64_t>(bytes) >> 20,
                      " MiB, and would be unpacked for each strip anew"),
-                ""};
+                "", true};
     if (worst.decoded <= most_decoded) return {false, false, shape, ""};
     return {
         true, false,
@@ -109,7 +110,7 @@ SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const
                            std::size_t memory_bytes) {
     SourceChoice choice = choose_by_shape(params, asked, scene.range_m, memory_bytes);
     std::error_code ignored;
-    if (asked == SourceKind::direct || !is_tile_store(params.dem) ||
+    if (asked == SourceKind::direct || asked == SourceKind::direct_for_memory || !is_tile_store(params.dem) ||
         !std::filesystem::exists(kept_path(params.dem), ignored))
         return choice;
     try {

@@ -26,9 +26,10 @@ enum class Cut {
 std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box, Cut cut);
 
 /// Of a geometry brought into degrees, whose longitudes come out from -180 to 180: moves them by whole circles, so that edges do not
-/// leap from one side of the earth to the other. Each is as near as can be to that of `before`, the same geometry in degrees of its file;
-/// without it to that of the point before it, the middle of each line and ring to `middle`, and holes' to that of their outer ring. A ring that ends a circle from its begin goes
-/// round a pole: it is led over the pole.
+/// leap from one side of the earth to the other. Each is as near as can be to that of `before`, the same geometry in degrees of
+/// its file; without it to that of the point before it (no edge may be as long as half a circle), the middle of each line and ring
+/// to `middle`, and holes' to that of their outer ring. A ring that ends a circle from its begin goes round a pole, and is led
+/// over it.
 void follow_longitudes(OGRGeometry& geometry, const OGRGeometry* before, double middle);
 
 /// x and y of points, lines and polygons.

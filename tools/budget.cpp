@@ -104,7 +104,7 @@ std::string hard_to_read(const Settings& settings, const SharedSource& source, c
                                               SourceKind::automatic, settings.scene, memory_bytes(settings));
     if (!choice.spilled || choice.kept) return "";
     return text("'", source.data_base().name, "' and what belongs to it take long to read for many scenes (",
-                choice.why, "); wedgescope tile makes a store that does not, and more memory may do");
+                choice.why, "); wedgescope tile makes a store of them that does not, or give more memory");
 }
 
 namespace {
@@ -160,7 +160,31 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
     return ground;
 }
 
-void check_simulation(const Settings& settings, const Stop& stop) {
+namespace {
+
+/// Sorting may be the faster way, but is not worth a refusal.
+template <class Check>
+void settle_source(Settings& settings, const Stop& stop, const Check& check) {
+    try {
+        check(settings);
+    } catch (const TooLittleMemory& e) {
+        if (settings.source != SourceKind::automatic ||
+            !choose_source(data_base_params(settings, cache_bytes(settings), stop), settings.source, settings.scene,
+                           memory_bytes(settings))
+                 .only_faster)
+            throw;
+        Settings direct = settings;
+        direct.source = SourceKind::direct_for_memory;
+        try {
+            check(direct);
+        } catch (const Error&) {
+            throw e;
+        }
+        settings.source = direct.source;
+    }
+}
+
+void check_simulation_as_is(const Settings& settings, const Stop& stop) {
     const std::size_t memory = memory_bytes(settings);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     const bool range_given = settings.scene.range_m.has_value();
@@ -204,23 +228,30 @@ void check_simulation(const Settings& settings, const Stop& stop) {
     }
 }
 
-void check_coverage_budget(const Settings& settings, const CoverageParams& params, WedgeSource& direct,
-                           const Stop& stop) {
+}  // namespace
+
+void check_simulation(Settings& settings, const Stop& stop) {
+    settle_source(settings, stop, [&](const Settings& own) { check_simulation_as_is(own, stop); });
+}
+
+void check_coverage_budget(Settings& settings, const CoverageParams& params, WedgeSource& direct, const Stop& stop) {
     std::unique_ptr<WedgeSource> unread;
     if (direct.cache_bytes() + direct.reader_bytes() > memory_bytes(settings))
         unread = open_unread_source(data_base_params(settings, cache_bytes(settings), stop),
                                     any_ground_m(settings.scene), {});
     const ResolvedScene scene = resolve_coverage(settings.scene, unread ? *unread : direct);
-    check_budget(settings, [&](std::size_t memory) {
-        stop.check();
-        const Settings granted = with_memory(settings, memory);
-        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
-        SpillOptions options = spill_options(granted);
-        options.all_round = options.all_of_it = true;
-        const auto source = source_at(layers, granted, scene, granted.scene.range_m.has_value(), options);
-        CoverageParams own = params;
-        own.memory_bytes = memory;
-        check_coverage(scene, *source, own);
+    settle_source(settings, stop, [&](const Settings& asked) {
+        check_budget(asked, [&](std::size_t memory) {
+            stop.check();
+            const Settings granted = with_memory(asked, memory);
+            const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
+            SpillOptions options = spill_options(granted);
+            options.all_round = options.all_of_it = true;
+            const auto source = source_at(layers, granted, scene, granted.scene.range_m.has_value(), options);
+            CoverageParams own = params;
+            own.memory_bytes = memory;
+            check_coverage(scene, *source, own);
+        });
     });
 }
 

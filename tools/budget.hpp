@@ -53,11 +53,11 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
 
 /// Before simulate reads more than the posts below the sensor. Where the range follows from the terrain, the scene is
 /// refused if it does not fit at the least range that this may be, and the budget named does for the largest.
-void check_simulation(const Settings& settings, const Stop& stop);
+/// Where only sorting the rasters would take too much the source becomes direct_for_memory.
+void check_simulation(Settings& settings, const Stop& stop);
 
 /// Before coverage reads more than the posts below the sensor, of `direct`, the rasters as they are.
-void check_coverage_budget(const Settings& settings, const CoverageParams& params, WedgeSource& direct,
-                           const Stop& stop);
+void check_coverage_budget(Settings& settings, const CoverageParams& params, WedgeSource& direct, const Stop& stop);
 
 /// Before `info` counts a raster, or resolves a scene on one.
 void check_summary(const Settings& settings, const std::string& path);

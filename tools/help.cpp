@@ -79,7 +79,11 @@ std::string help_text() {
     const std::string targets =
         "instruction set of the hot loops: auto (the best of this machine), avx512, avx2, sse4, baseline; the same "
         "bits with each";
-    return out + "\n\nEnvironment\n  WEDGESCOPE_TARGET  " + wrapped(targets, 21) + "\n";
+    const std::string libm =
+        "as-is: the program does not begin anew with fused multiply-adds hidden from the C library (GLIBC_TUNABLES), "
+        "by which last bits may differ from other processors'; for debuggers and the like";
+    return out + "\n\nEnvironment\n  WEDGESCOPE_TARGET  " + wrapped(targets, 21) + "\n  WEDGESCOPE_LIBM    " +
+           wrapped(libm, 21) + "\n";
 }
 
 std::string help_text(const CommandInfo& command) {

@@ -12,7 +12,7 @@ std::string without_fma(std::string_view tunables);
 /// glibc's sine, logarithm and others have variants for processors with fused multiply-adds, whose last bits differ; PROJ and
 /// GeographicLib call them too, and of values that are rounded afterwards one in thousands lies so that the last bit shows. Where the
 /// processor has them and they are not hidden this begins the program anew with them hidden, which takes a millisecond or two; if
-/// that cannot be done it goes on as it is. To be called before anything else.
+/// that cannot be done, or WEDGESCOPE_LIBM says as-is, it goes on as it is. To be called before anything else.
 void hide_fma_from_libm(char** arguments);
 
 }  // namespace wedgescope

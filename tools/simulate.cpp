@@ -202,7 +202,7 @@ private:
         legend_ = layers.legend;
         SpillOptions options = spill_options(settings_);
         options.timeline = timeline();
-        if (!merges_only) choice_ = choose_source(layers, settings_.source, settings_.scene, options.memory_bytes);
+        if (!merges_only) choice_ = choose_source(layers, as_read_.source, settings_.scene, options.memory_bytes);
         if (choice_.spilled && !choice_.kept)
             sort_into_wedges(layers, options);
         else
