@@ -389,6 +389,25 @@ TEST_CASE("what budget cannot do it says in one line", "[budget]") {
     refused({"--at", "20deg,1e300m"}, "from 0m to 10000km");
 }
 
+TEST_CASE("budget takes memory for what it looks at, not for the whole scene", "[budget]") {
+    const test::Folder folder;
+    const auto page = [&](const char* command, const char* memory) {
+        std::vector<std::string> words{command,          "--dem",  dem,       "--latlon", "33.92,-117.28",
+                                       "--altitude-msl", "7000ft", "--range", "12nmi",    "--azimuth-bins",
+                                       "20000",          "--beam", "0.2deg",  "--memory", memory};
+        if (command == std::string("budget"))
+            words.insert(words.end(), {"--at", "20deg,9nmi"});
+        else
+            words.insert(words.end(), {"-o", folder / "scope.png"});
+        return wedgescope_says(folder, words);
+    };
+    const Said large = page("budget", "2GiB"), small = page("budget", "64MiB");
+    INFO(small.ended.err);
+    CHECK(small.ended.code == 0);
+    CHECK(small.out == large.out);
+    CHECK(page("simulate", "64MiB").ended.code == 2);
+}
+
 TEST_CASE("budget finds the bin of any azimuth", "[budget]") {
     const test::Folder folder;
     const auto bin = [&](std::vector<std::string> more) {

@@ -121,20 +121,45 @@ std::unique_ptr<WedgeSource> source_at(const DataBaseParams& layers, const Setti
                        : forecast_spilled_source(layers, scene, range_given, options);
 }
 
+/// The source with which check(settings) finds room: as it is asked for; where automatic takes one that is only the faster one,
+/// and that does not fit, windows of the rasters. TooLittleMemory.
+template <class Check>
+SourceKind fitting_source(const Settings& granted, const Stop& stop, const Check& check) {
+    try {
+        check(granted);
+        return granted.source;
+    } catch (const TooLittleMemory&) {
+        const bool only_faster = granted.source == SourceKind::automatic &&
+                                 choose_source(data_base_params(granted, cache_bytes(granted), stop), granted.source,
+                                               granted.scene, memory_bytes(granted))
+                                     .only_faster;
+        if (!only_faster) throw;
+    }
+    Settings direct = granted;
+    direct.source = SourceKind::direct_for_memory;
+    check(direct);
+    return direct.source;
+}
+
+void plan_simulation(const Settings& granted, const ResolvedScene& scene, bool range_given, const Stop& stop,
+                     WedgeArchive* archive) {
+    const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
+    const SpillOptions options = spill_options(granted);
+    const auto source = source_at(layers, granted, scene, range_given, options);
+    EngineParams params = engine_params(granted);
+    params.archive = archive;
+    plan(scene, *source, params);
+    if (!granted.ground_file.empty()) ground_work(granted, scene, *source);
+}
+
 }  // namespace
 
 Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,
                    WedgeArchive* archive) {
     return [&settings, &scene, range_given, &stop, archive](std::size_t memory) {
         stop.check();  // a refusal makes some dozens of attempts
-        const Settings granted = with_memory(settings, memory);
-        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
-        const SpillOptions options = spill_options(granted);
-        const auto source = source_at(layers, granted, scene, range_given, options);
-        EngineParams params = engine_params(granted);
-        params.archive = archive;
-        plan(scene, *source, params);
-        if (!granted.ground_file.empty()) ground_work(granted, scene, *source);
+        fitting_source(with_memory(settings, memory), stop,
+                       [&](const Settings& granted) { plan_simulation(granted, scene, range_given, stop, archive); });
     };
 }
 
@@ -160,31 +185,7 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
     return ground;
 }
 
-namespace {
-
-/// Sorting may be the faster way, but is not worth a refusal.
-template <class Check>
-void settle_source(Settings& settings, const Stop& stop, const Check& check) {
-    try {
-        check(settings);
-    } catch (const TooLittleMemory& e) {
-        if (settings.source != SourceKind::automatic ||
-            !choose_source(data_base_params(settings, cache_bytes(settings), stop), settings.source, settings.scene,
-                           memory_bytes(settings))
-                 .only_faster)
-            throw;
-        Settings direct = settings;
-        direct.source = SourceKind::direct_for_memory;
-        try {
-            check(direct);
-        } catch (const Error&) {
-            throw e;
-        }
-        settings.source = direct.source;
-    }
-}
-
-void check_simulation_as_is(const Settings& settings, const Stop& stop) {
+void check_simulation(Settings& settings, const Stop& stop) {
     const std::size_t memory = memory_bytes(settings);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     const bool range_given = settings.scene.range_m.has_value();
@@ -214,7 +215,8 @@ void check_simulation_as_is(const Settings& settings, const Stop& stop) {
         largest = at_range(settings.scene, found->second, ground);
     }
     try {
-        simulation(settings, least, range_given, stop)(memory);
+        settings.source = fitting_source(
+            settings, stop, [&](const Settings& own) { plan_simulation(own, least, range_given, stop, nullptr); });
     } catch (const TooLittleMemory& e) {
         // A small raster is soon read: then the range is known.
         constexpr std::int64_t small_posts = std::int64_t{1} << 24;
@@ -228,10 +230,13 @@ void check_simulation_as_is(const Settings& settings, const Stop& stop) {
     }
 }
 
-}  // namespace
-
-void check_simulation(Settings& settings, const Stop& stop) {
-    settle_source(settings, stop, [&](const Settings& own) { check_simulation_as_is(own, stop); });
+void check_scene(Settings& settings, const ResolvedScene& scene, const Stop& stop) {
+    try {
+        settings.source = fitting_source(
+            settings, stop, [&](const Settings& own) { plan_simulation(own, scene, true, stop, nullptr); });
+    } catch (const TooLittleMemory& e) {
+        refuse(e, memory_bytes(settings), simulation(settings, scene, true, stop));
+    }
 }
 
 void check_coverage_budget(Settings& settings, const CoverageParams& params, WedgeSource& direct, const Stop& stop) {
@@ -240,19 +245,23 @@ void check_coverage_budget(Settings& settings, const CoverageParams& params, Wed
         unread = open_unread_source(data_base_params(settings, cache_bytes(settings), stop),
                                     any_ground_m(settings.scene), {});
     const ResolvedScene scene = resolve_coverage(settings.scene, unread ? *unread : direct);
-    settle_source(settings, stop, [&](const Settings& asked) {
-        check_budget(asked, [&](std::size_t memory) {
+    const auto check = [&](const Settings& granted) {
+        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
+        SpillOptions options = spill_options(granted);
+        options.all_round = options.all_of_it = true;
+        const auto source = source_at(layers, granted, scene, granted.scene.range_m.has_value(), options);
+        CoverageParams own = params;
+        own.memory_bytes = memory_bytes(granted);
+        check_coverage(scene, *source, own);
+    };
+    try {
+        settings.source = fitting_source(settings, stop, check);
+    } catch (const TooLittleMemory& e) {
+        refuse(e, memory_bytes(settings), [&](std::size_t memory) {
             stop.check();
-            const Settings granted = with_memory(asked, memory);
-            const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
-            SpillOptions options = spill_options(granted);
-            options.all_round = options.all_of_it = true;
-            const auto source = source_at(layers, granted, scene, granted.scene.range_m.has_value(), options);
-            CoverageParams own = params;
-            own.memory_bytes = memory;
-            check_coverage(scene, *source, own);
+            fitting_source(with_memory(settings, memory), stop, check);
         });
-    });
+    }
 }
 
 void check_summary(const Settings& settings, const std::string& path) {

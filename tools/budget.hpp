@@ -55,6 +55,8 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
 /// refused if it does not fit at the least range that this may be, and the budget named does for the largest.
 /// Where only sorting the rasters would take too much the source becomes direct_for_memory.
 void check_simulation(Settings& settings, const Stop& stop);
+/// The same of a scene whose range is given, or of a part of it.
+void check_scene(Settings& settings, const ResolvedScene& scene, const Stop& stop);
 
 /// Before coverage reads more than the posts below the sensor, of `direct`, the rasters as they are.
 void check_coverage_budget(Settings& settings, const CoverageParams& params, WedgeSource& direct, const Stop& stop);

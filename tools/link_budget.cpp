@@ -309,18 +309,22 @@ void link_budget(const std::vector<std::string>& arguments, Stop& stop) {
     check_complete(settings);
     const GdalSession session(cache_bytes(settings), settings.config);
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
-    check_simulation(settings, stop);
-    // Where the scene's range is given the cell is known before anything but the ground below the sensor is read.
+    // Where the scene's range is given the cell is known before anything but the ground below the sensor is read, and its azimuth
+    // alone is looked at.
     std::optional<Bins> known;
     std::optional<Arc> arc;
     if (settings.scene.range_m) {
         const auto direct = open_direct_source(data_base_params(settings, cache_bytes(settings), stop));
+        check_reader(*direct, memory_bytes(settings));
         ResolvedScene scene = resolve(settings.scene, *direct);
         known = wanted_bins(settings, scene, *direct);
         look_at(scene, {known->azimuth, known->azimuth + 1});
         const double step_rad = scene.swept.azimuth_step_rad();
         arc = Arc{static_cast<double>(scene.swept.azimuth_bins.begin) * step_rad,
                   static_cast<double>(scene.swept.azimuth_bins.size()) * step_rad};
+        check_scene(settings, scene, stop);
+    } else {
+        check_simulation(settings, stop);
     }
     const std::string unfit_map = find_ground(settings, {.levels = true}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
