@@ -195,7 +195,8 @@ Georeference::Georeference(const RasterFacts& facts) : facts_(facts) {
 
 /// Of a cylindrical projection x is a straight function of longitude alone: it goes on where longitudes begin anew.
 double Georeference::find_circle_x() const {
-    if (!way_ || facts_.geographic) return facts_.geographic ? 360 : 0;
+    if (facts_.geographic) return 360;
+    if (!way_ || facts_.crs->mercator()) return 0;  // a transverse one, which need not wait for PROJ
     const auto x_of = [&](double lat_deg, double lon_deg) {
         double x = lon_deg, y = lat_deg;
         return way_->transform(Way::forward, x, y) ? x : std::numeric_limits<double>::quiet_NaN();
