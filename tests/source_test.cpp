@@ -351,6 +351,16 @@ TEST_CASE("places are those that GDAL's own transformation finds, in any CRS", "
     }
 }
 
+TEST_CASE("a stop is heard before posts are read", "[source]") {
+    Stop stop;
+    DataBaseParams params = only(data + "/azores_dem.tif");
+    params.stop = &stop;
+    const auto source = open_direct_source(params);
+    CHECK_NOTHROW(source->bare_terrain_m(5, 5));
+    stop.request(15);
+    CHECK_THROWS_AS(source->bare_terrain_m(5, 5), Interrupted);
+}
+
 TEST_CASE("columns of a cylindrical projection go on across the antimeridian", "[source]") {
     const Folder folder;
     Drawing d;

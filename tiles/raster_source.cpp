@@ -207,6 +207,7 @@ void RasterSource::read_bare_terrain(const Window& posts, float* heights_m) {
     const auto beyond = [](Interval of, std::int64_t size) { return of.begin < 0 || of.end > size; };
     if (beyond(posts.rows, data_base_.rows) || (!data_base_.cyclic && beyond(posts.columns, data_base_.columns)))
         throw std::out_of_range("read_bare_terrain: post outside the raster");
+    if (params_.stop) params_.stop->check();  // a block may take long
     for (const Run& run : terrain_runs(posts.columns))
         terrain_->read_heights({run.source, posts.rows}, heights_m + run.at, posts.columns.size());
 }
