@@ -533,7 +533,6 @@ public:
         heights_m_.resize(begins_.back());
         for (const auto& [block, i] : order) source.read_bare_terrain(windows_[i], heights_m_.data() + begins_[i]);
     }
-    std::size_t size() const { return windows_.size(); }
     const Window& window(std::size_t i) const { return windows_[i]; }
     /// After read(): row after row.
     const float* heights_m(std::size_t i) const { return heights_m_.data() + begins_[i]; }
@@ -598,7 +597,8 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     const double reach_m = std::min(*s.scene.range_m, most_posts * s.longer_post_m), step = s.shown.azimuth_step_rad(),
                  from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
                  width = static_cast<double>(s.shown.azimuth_bins.size()) * step;
-    GroundSamples posts, surroundings;
+    GroundSamples samples;
+    std::vector<std::size_t> posts, surroundings;
     for (int ring = 0; ring < rings; ++ring)
         for (int ray = 0; ray < rays; ++ray) {
             const double distance = reach_m * std::sqrt((ring + 0.5) / rings),  // each stands for as much ground
@@ -608,18 +608,16 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
                                                 s.nadir.row + east * (*metre)[0].row + north * (*metre)[1].row});
             if (!post) continue;
             const auto [column, row] = *post;
-            posts.add({{column, column + 1}, {row, row + 1}});
+            posts.push_back(samples.add({{column, column + 1}, {row, row + 1}}));
             if ((ray + 3 * ring) % 8 == 0)  // of four rays a ring, others each time
-                surroundings.add(Saddles::round(db, column, row));
+                surroundings.push_back(samples.add(Saddles::round(db, column, row)));
         }
-    posts.read(source);
-    surroundings.read(source);
+    samples.read(source);
     std::vector<float> heights_m;
-    for (std::size_t i = 0; i < posts.size(); ++i)
-        if (const float height = *posts.heights_m(i); height == height) heights_m.push_back(height);
+    for (const std::size_t i : posts)
+        if (const float height = *samples.heights_m(i); height == height) heights_m.push_back(height);
     Saddles saddles;
-    for (std::size_t i = 0; i < surroundings.size(); ++i)
-        saddles.add(surroundings.window(i), surroundings.heights_m(i));
+    for (const std::size_t i : surroundings) saddles.add(samples.window(i), samples.heights_m(i));
     s.roughness = saddles.rms_m() / (4 * s.longer_post_m);
     if (heights_m.empty()) return;
     const auto highest = heights_m.end() - 1 - static_cast<std::ptrdiff_t>(heights_m.size() / 100);

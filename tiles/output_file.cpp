@@ -205,20 +205,16 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
         }
     }
     // Side files of what stood there before do not belong to the new file; where that cannot come, they stay with the old one.
-    struct Aside {
-        const OutputFile* file;
-        std::string from, to;
-    };
-    std::vector<Aside> stale;
+    std::vector<Move> stale;
     std::vector<Move> beside;  // new side files whose file is not there yet
     const auto put_back = [&] {
         for (const Move& move : beside) ::unlink(move.to.c_str());
-        for (const Aside& aside : stale) ::rename(aside.to.c_str(), aside.from.c_str());
+        for (const Move& aside : stale) ::rename(aside.to.c_str(), aside.from.c_str());
     };
     for (const OutputFile* file : files)
         for (const char* side : side_files) {
             if (!file->overwrite_) continue;
-            Aside aside{file, file->final_path_ + side, (fs::path(file->folder_) / text("before", side)).string()};
+            Move aside{file, file->final_path_ + side, (fs::path(file->folder_) / text("before", side)).string()};
             std::error_code ignored;
             const bool folder = fs::is_directory(fs::symlink_status(aside.from, ignored));
             if (!folder && ::rename(aside.from.c_str(), aside.to.c_str()) == 0) {
@@ -240,8 +236,9 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
         }
         beside.push_back(move);
         if (move.to == move.file->final_path_) {
-            std::erase_if(stale, [&](const Aside& aside) { return aside.file == move.file; });
-            std::erase_if(beside, [&](const Move& other) { return other.file == move.file; });
+            const auto own = [&](const Move& other) { return other.file == move.file; };
+            std::erase_if(stale, own);
+            std::erase_if(beside, own);
         }
     }
     for (OutputFile* file : files) {

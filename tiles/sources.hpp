@@ -48,8 +48,8 @@ struct DataBaseParams {
     /// would only fill pages with what nobody asks for again.
     bool by_strips = false;
     bool expects_ground = false;  ///< one will be given when posts are read: to be counted among what is held
-    const Stop* stop =
-        nullptr;  ///< looked at before bare terrain is read and while all posts are read for their extremes
+    /// Looked at before bare terrain is read, and while all posts are read for their extremes.
+    const Stop* stop = nullptr;
 };
 
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.
