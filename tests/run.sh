@@ -70,7 +70,7 @@ else
     run release
     # Minutes there, for nothing that the others do not try (whole programs sweep, count, take levels and write by GDAL in cli and
     # track); or no memory to speak of.
-    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity|walls|far_shore|observers|resume|weather|class_laws|late_libraries|link_budget|beam|crs|response|cyclic_coverage|coverage_layers|class_table|evaluate|report|targets|timeline|output_formats|refine)_|_every_ground$|^(cli|coverage|culture_lanes|detail|engine|evaluate|features|link_budget|paper|scope|spill|tile_store|track|wedges)_test$'
+    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity|walls|far_shore|observers|resume|weather|class_laws|late_libraries|link_budget|beam|crs|response|cyclic_coverage|coverage_layers|class_table|evaluate|report|targets|timeline|output_formats|refine)_|_every_ground$|^(cli|coverage|culture_lanes|detail|engine|evaluate|feature_places|features|link_budget|paper|scope|spilled_source|tile_store|track|wedges)_test$'
     run tsan --tests-regex '^(memory_budget|threads|timeline)_test$|_threads$'
 fi
 
