@@ -470,7 +470,6 @@ bool Front::may_turn(double major) const {
 
 void Front::double_spokes() {
     assert(pieces_.size() == 0);  // they know their spokes by number
-    const SpokeGrid& grid = *scene_->grid;
     for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
         mark_seen(lane);
         if (is(lane, mode_hidden)) mark_shadow(lane, lanes_.last.arc[lane]);
@@ -479,80 +478,86 @@ void Front::double_spokes() {
     const Lanes parents = std::move(lanes_);
     const Interval parent_run = run_->spokes[ring_];
     ++ring_;
-    assert(grid.rings(fan_)[ring_].spokes == 2 * grid.rings(fan_)[ring_ - 1].spokes);
+    assert(scene_->grid->rings(fan_)[ring_].spokes == 2 * scene_->grid->rings(fan_)[ring_ - 1].spokes);
     const Interval run = run_->spokes[ring_];
     lanes_ = Lanes{};
     set_up_ring(ring_, lanes_);
-    Samples& last = lanes_.last;
     between_.ahead = between_.ahead_culture = no_posts();
-    const double distance = grid.distance(fan_, next_line_ - 1);
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
         const auto a = static_cast<std::size_t>(floor_of(static_cast<double>(k) / 2) - parent_run.begin);
-        const std::size_t b = (k & 1) ? a + 1 : a;
-        lanes_.void_horizon[lane] = std::max(parents.void_horizon[a], parents.void_horizon[b]);
         lanes_.seen_least[lane] = infinite;
         lanes_.seen_most[lane] = -infinite;
-        if (a == b) {
-            for (auto array : Samples::arrays()) (last.*array)[lane] = (parents.last.*array)[a];
-            lanes_.mode[lane] = parents.mode[a];
-            lanes_.horizon[lane] = parents.horizon[a];
-            lanes_.gap_from[lane] = parents.gap_from[a];
-            lanes_.gap_top[lane] = parents.gap_top[a];
-            lanes_.mark_from[lane] = parents.last.arc[a];
-            if (shore_) lanes_.shore[lane] = parents.shore[a];
-            continue;
-        }
-        const SpokeMap::Place place = grid.map().place(quadrant_, lanes_.slope[lane], distance);
-        last.minor[lane] = place.minor / post_;
-        last.arc[lane] = place.arc_m;
-        sample_line(between_.behind, lane, lane + 1, lane, last);
-        const double sine = last.sine[lane];
-        const double ha = parents.horizon[a], hb = parents.horizon[b];
-        double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);
-        lanes_.mark_from[lane] = lanes_.gap_from[lane] = place.arc_m;
-        lanes_.gap_top[lane] = -infinite;
-        if (shore_) lanes_.shore[lane] = ShoreWindow::between(parents.shore[a], parents.shore[b]);
-        if (parents.mode[a] == mode_done && parents.mode[b] == mode_done) {
-            lanes_.mode[lane] = mode_done;
-        } else if (sine != sine) {
-            lanes_.mode[lane] = mode_gap;
-            for (const std::size_t p : {a, b})
-                if (parents.mode[p] == mode_gap) {
-                    lanes_.gap_from[lane] = std::min(lanes_.gap_from[lane], parents.gap_from[p]);
-                    lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], parents.gap_top[p]);
-                }
-        } else {
-            if (horizon < -1) horizon = sine;  // neither neighbour has met ground
-            lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
-            if (sine > horizon) {
-                // Its own sample stands above the mean: what its parents have not deposited is deposited here.
-                if (lanes_.row[lane] >= 0) {
-                    const double power = power_of(lane, horizon, sine, last.range[lane], last.range[lane]);
-                    put(lane,
-                        {{last.x[lane], last.x[lane], power, 0},
-                         {between_.behind_major, last.minor[lane], between_.behind_major, last.minor[lane]},
-                         horizon,
-                         sine,
-                         needs_facets_ ? law_variable(-sine) : 0,  // a point has no facet: as level ground
-                         nullptr,
-                         nullptr,
-                         0,
-                         0},
-                        between_);
-                    cells_->mark(lanes_.target(lane), last.x[lane], last.x[lane],
-                                 sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);
-                }
-                ++cost_.pieces;
-                horizon = sine;
-            }
-        }
-        if (shore_ && is(lane, mode_gap)) lanes_.shore[lane] = {};
-        lanes_.horizon[lane] = horizon;
+        if (k & 1)
+            begin_between(parents, a, a + 1, lane);
+        else
+            go_on_from(parents, a, lane);
     }
     live_begin_ = 0;
     live_end_ = lanes_.mode.size();
     trim();
+}
+
+void Front::go_on_from(const Lanes& parents, std::size_t parent, std::size_t lane) {
+    for (auto array : Samples::arrays()) (lanes_.last.*array)[lane] = (parents.last.*array)[parent];
+    for (auto array : {&Lanes::mode, &Lanes::horizon, &Lanes::void_horizon, &Lanes::gap_from, &Lanes::gap_top})
+        (lanes_.*array)[lane] = (parents.*array)[parent];
+    lanes_.mark_from[lane] = parents.last.arc[parent];
+    if (shore_) lanes_.shore[lane] = parents.shore[parent];
+}
+
+void Front::begin_between(const Lanes& parents, std::size_t a, std::size_t b, std::size_t lane) {
+    Samples& last = lanes_.last;
+    const SpokeGrid& grid = *scene_->grid;
+    const SpokeMap::Place place = grid.map().place(quadrant_, lanes_.slope[lane], grid.distance(fan_, next_line_ - 1));
+    last.minor[lane] = place.minor / post_;
+    last.arc[lane] = place.arc_m;
+    sample_line(between_.behind, lane, lane + 1, lane, last);
+    lanes_.void_horizon[lane] = std::max(parents.void_horizon[a], parents.void_horizon[b]);
+    lanes_.mark_from[lane] = lanes_.gap_from[lane] = place.arc_m;
+    lanes_.gap_top[lane] = -infinite;
+    if (shore_) lanes_.shore[lane] = ShoreWindow::between(parents.shore[a], parents.shore[b]);
+    const double sine = last.sine[lane], ha = parents.horizon[a], hb = parents.horizon[b];
+    double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);
+    if (parents.mode[a] == mode_done && parents.mode[b] == mode_done) {
+        lanes_.mode[lane] = mode_done;
+    } else if (sine != sine) {
+        lanes_.mode[lane] = mode_gap;
+        for (const std::size_t p : {a, b})
+            if (parents.mode[p] == mode_gap) {
+                lanes_.gap_from[lane] = std::min(lanes_.gap_from[lane], parents.gap_from[p]);
+                lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], parents.gap_top[p]);
+            }
+        if (shore_) lanes_.shore[lane] = {};
+    } else {
+        if (horizon < -1) horizon = sine;  // neither neighbour has met ground
+        lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
+        if (sine > horizon) {
+            show_begin(lane, horizon);
+            horizon = sine;
+        }
+    }
+    lanes_.horizon[lane] = horizon;
+}
+
+void Front::show_begin(std::size_t lane, double horizon) {
+    // What its parents have not deposited is deposited here.
+    ++cost_.pieces;
+    if (lanes_.row[lane] < 0) return;
+    const Samples& last = lanes_.last;
+    const double sine = last.sine[lane], range = last.range[lane], x = last.x[lane], minor = last.minor[lane];
+    put(lane,
+        {{x, x, power_of(lane, horizon, sine, range, range), 0},
+         {between_.behind_major, minor, between_.behind_major, minor},
+         horizon,
+         sine,
+         needs_facets_ ? law_variable(-sine) : 0,  // a point has no facet: as level ground
+         nullptr,
+         nullptr,
+         0,
+         0},
+        between_);
+    cells_->mark(lanes_.target(lane), x, x, sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);
 }
 
 void Front::finish() {

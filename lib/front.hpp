@@ -210,6 +210,11 @@ private:
     void set_up_ring(std::size_t ring, Lanes& lanes) const;
     void start();
     void double_spokes();
+    /// Of a doubling: what a spoke takes from the one it goes on from, or begins with between two.
+    void go_on_from(const Lanes& parents, std::size_t parent, std::size_t lane);
+    void begin_between(const Lanes& parents, std::size_t a, std::size_t b, std::size_t lane);
+    /// What a spoke that begins on a line above the horizon given to it sees there, a point.
+    void show_begin(std::size_t lane, double horizon);
     void trim();
     std::size_t first_live(std::size_t begin, std::size_t end) const;
 
@@ -312,6 +317,14 @@ private:
     bool put_plain(const Between& between);
     /// Their backscatter over culture, into gamma_ and its borders; true if some are left for put().
     bool find_gammas(const Between& between);
+    CulturePieces culture_pieces(const Between& between);
+    CultureScene culture_scene(const Between& between) const;
+    /// Of what was found under piece i in a tile.
+    Classes classes_under(std::size_t i, const ClassId* classes) const;
+    /// As if no law hung on the angle: by class, those of walls where there are any. True if some have no class.
+    bool find_class_gammas(const ClassId* classes, bool walls);
+    /// Of one piece, by its facet and azimuth.
+    void find_angular_gamma(std::size_t i, const Classes& under);
     /// Culture under them, into found_, in the tile that piece i starts from, whose classes it returns.
     struct Found {
         const ClassId* classes;

@@ -244,51 +244,50 @@ bool Front::put_plain(const Between& between) {
     return left;
 }
 
-bool Front::find_gammas(const Between& between) {
+CulturePieces Front::culture_pieces(const Between& between) {
     using P = VisiblePieces;
-    const std::size_t n = pieces_.size();
     CulturePieces pieces{pieces_.numbers(P::major0), pieces_.numbers(P::minor0), pieces_.numbers(P::major1),
                          pieces_.numbers(P::minor1)};
-    if (!between.ahead_culture.empty() || !between.behind_culture.empty()) {
-        const CellLanes corners{culture_cell_.data(), culture_posts_.data(),
-                                culture_posts_.data() + 2 * VisiblePieces::most};
-        cell_lanes(between.adjacent ? between.behind_culture : no_posts(), between.ahead_culture, n, pieces.minor0,
-                   pieces.minor1, corners);
-        pieces.cell = corners.cell;
-        pieces.behind_m = corners.behind;
-        pieces.ahead_m = corners.ahead;
-    }
+    if (between.ahead_culture.empty() && between.behind_culture.empty()) return pieces;
+    const CellLanes corners{culture_cell_.data(), culture_posts_.data(),
+                            culture_posts_.data() + 2 * VisiblePieces::most};
+    cell_lanes(between.adjacent ? between.behind_culture : no_posts(), between.ahead_culture, pieces_.size(),
+               pieces.minor0, pieces.minor1, corners);
+    pieces.cell = corners.cell;
+    pieces.behind_m = corners.behind;
+    pieces.ahead_m = corners.ahead;
+    return pieces;
+}
+
+CultureScene Front::culture_scene(const Between& between) const {
     const DataBase& db = *scene_->data_base;
-    const bool columns = lines_are_columns(quadrant_);
-    CultureScene scene{columns,
-                       between.behind_major,
-                       between.ahead_major,
-                       db.culture_column_offset,
-                       db.culture_column_scale * post_,
-                       db.culture_row_offset,
-                       db.culture_row_scale * post_,
-                       {}};
-    const auto classes_under = [&](std::size_t i, const ClassId* classes) {
-        return Classes{{classes[found_.first[i]], classes[found_.second[i]], classes[found_.third[i]]},
-                       found_.to_second[i],
-                       found_.to_third[i]};
-    };
-    const auto angular = [&](std::size_t i, const Classes& under) {
-        const WedgeCells::Stretches s = found_.kind[i] == CultureParts::wall
-                                            ? WedgeCells::Stretches::one(wall_gamma(under.id[0], lane_of_piece(i)))
-                                            : under.stretches([&](double, double, ClassId id) {
-                                                  return ground_gamma(id, facet_[i], lane_of_piece(i));
-                                              });
-        for (std::size_t k = 0; k < gamma_.size(); ++k) gamma_[k][i] = s.gamma[k];
-    };
-    // All in the tile that the first one lies in: mostly there is no other. Without a branch on classes, for hardly two
-    // neighbours are alike.
-    const Found cells = find_cells(0, pieces, scene);
-    const ClassId* classes = cells.classes;
+    return {
+        lines_are_columns(quadrant_),    between.behind_major,  between.ahead_major,          db.culture_column_offset,
+        db.culture_column_scale * post_, db.culture_row_offset, db.culture_row_scale * post_, {}};
+}
+
+Front::Classes Front::classes_under(std::size_t i, const ClassId* classes) const {
+    return {{classes[found_.first[i]], classes[found_.second[i]], classes[found_.third[i]]},
+            found_.to_second[i],
+            found_.to_third[i]};
+}
+
+void Front::find_angular_gamma(std::size_t i, const Classes& under) {
+    const std::size_t lane = lane_of_piece(i);
+    const WedgeCells::Stretches s =
+        found_.kind[i] == CultureParts::wall
+            ? WedgeCells::Stretches::one(wall_gamma(under.id[0], lane))
+            : under.stretches([&](double, double, ClassId id) { return ground_gamma(id, facet_[i], lane); });
+    for (std::size_t k = 0; k < gamma_.size(); ++k) gamma_[k][i] = s.gamma[k];
+}
+
+bool Front::find_class_gammas(const ClassId* classes, bool walls) {
+    const std::size_t n = pieces_.size();
+    // Without a branch on classes, for hardly two neighbours are alike.
     std::array<float*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
     // As bits: what is below 0 is of no class.
     std::uint32_t signs = 0;
-    const auto backscatter_of = [&](auto place) {
+    const auto look_up = [&](auto place) {
         for (std::size_t i = 0; i < n; ++i) {
             const std::int32_t* const cell[] = {found_.first, found_.second, found_.third};
             for (std::size_t k = 0; k < 3; ++k) {
@@ -299,16 +298,26 @@ bool Front::find_gammas(const Between& between) {
         }
     };
     // Ground and walls by turns.
-    if (pieces.cell)
-        backscatter_of([&](std::size_t id, std::size_t i) {
+    if (walls)
+        look_up([&](std::size_t id, std::size_t i) {
             return 2 * id + (found_.kind[i] == CultureParts::wall ? std::size_t{1} : std::size_t{0});
         });
     else
-        backscatter_of([](std::size_t id, std::size_t) { return 2 * id; });
-    const bool some_odd = shore_ || cells.odd || (signs >> 31) != 0;
+        look_up([](std::size_t id, std::size_t) { return 2 * id; });
+    return (signs >> 31) != 0;
+}
+
+bool Front::find_gammas(const Between& between) {
+    const std::size_t n = pieces_.size();
+    const CulturePieces pieces = culture_pieces(between);
+    CultureScene scene = culture_scene(between);
+    // All in the tile that the first one lies in: mostly there is no other.
+    const Found cells = find_cells(0, pieces, scene);
+    const ClassId* classes = cells.classes;
+    const bool some_unknown = find_class_gammas(classes, pieces.cell != nullptr);
     std::array<std::uint8_t, CulturePieces::most> odd;
     std::size_t odd_count = 0;
-    for (std::size_t i = 0; some_odd && i < n; ++i) {
+    for (std::size_t i = 0; (shore_ || cells.odd || some_unknown) && i < n; ++i) {
         const Classes under = classes_under(i, classes);
         if (found_.kind[i] > CultureParts::wall || !under.known() || (shore_ && !under.same()))
             odd[odd_count++] = static_cast<std::uint8_t>(i);
@@ -316,11 +325,12 @@ bool Front::find_gammas(const Between& between) {
     if (needs_facets_ || directional_)
         for (std::size_t i = 0; i < n; ++i) {
             const std::int32_t kind = found_.kind[i];
-            if (kind == CultureParts::parts || kind == CultureParts::wall) angular(i, classes_under(i, classes));
+            if (kind == CultureParts::parts || kind == CultureParts::wall)
+                find_angular_gamma(i, classes_under(i, classes));
         }
     bool left = false;
     if (shore_) {
-        for (std::size_t k = 0; k < odd_count; ++k) gamma[2][odd[k]] = left_to_put;
+        for (std::size_t k = 0; k < odd_count; ++k) gamma_[2][odd[k]] = left_to_put;
         left = pass_shores(classes);
     }
     for (std::size_t k = 0; k < odd_count; ++k) {
@@ -329,10 +339,10 @@ bool Front::find_gammas(const Between& between) {
         const Classes under = classes_under(i, classes);
         // Where these are not all of its classes put() finds them; no window goes by before.
         if (found_.kind[i] > CultureParts::wall || !under.known() || (shore_ && needs_shore(i, under.id))) {
-            gamma[2][i] = left_to_put;
+            gamma_[2][i] = left_to_put;
             left = true;
         } else {
-            angular(i, under);
+            find_angular_gamma(i, under);
         }
     }
     return left;
