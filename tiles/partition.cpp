@@ -454,6 +454,47 @@ std::unique_ptr<BlockMap> Survey::take_map() {
 
 namespace {
 
+/// How a pass goes through a raster: windows one beside the other along what one row of file blocks runs over, row after row
+/// across; and parts of the file whose windows come one after the other, so that a file's block which no window can hold is
+/// decoded once for all of its own. In posts.
+struct WindowShape {
+    bool by_columns;          ///< a row of file blocks runs down
+    std::int64_t high, wide;  ///< of a window, across and along
+    std::int64_t part_high, part_wide;
+};
+WindowShape window_shape(const RasterFacts& f, std::int64_t edge, const Window& wanted, std::int64_t most_posts) {
+    const bool by_columns = f.decoded_columns() < f.decoded_rows();
+    const std::int64_t along = (by_columns ? wanted.rows : wanted.columns).size(),
+                       file_across = by_columns ? f.decoded_columns() : f.decoded_rows(),
+                       file_along = by_columns ? f.decoded_rows() : f.decoded_columns(),
+                       file_high = up(file_across, edge) * edge, file_wide = up(file_along, edge) * edge;
+    const bool cut_along = file_along < along;
+    WindowShape s{by_columns, file_high, along, 0, along};
+    if (s.high * s.wide <= most_posts) {
+        s.high *= std::max<std::int64_t>(1, most_posts / (s.high * s.wide));
+    } else if (cut_along && s.high * file_wide <= most_posts) {
+        s.wide = most_posts / s.high / file_wide * file_wide;
+    } else {
+        s.part_high = file_high;
+        if (cut_along) s.part_wide = file_wide;
+        s.wide = std::min(s.wide, s.part_wide);
+        s.high = std::clamp(most_posts / s.wide / edge * edge, edge, file_high);
+        if (s.high * s.wide > most_posts) s.wide = std::max(edge, most_posts / s.high / edge * edge);
+    }
+    s.part_high = std::max(s.part_high, s.high);
+    return s;
+}
+
+/// Calls of(piece) for the pieces of an interval, in order. Edges at whole multiples, so that the file's blocks are cut by none.
+template <class Of>
+void for_each_piece(Interval whole, std::int64_t size, const Of& of) {
+    for (Interval piece{whole.begin, whole.begin}; piece.end < whole.end;) {
+        const std::int64_t next = size >= whole.size() ? whole.end : (block_along(piece.end, size) + 1) * size;
+        piece = {piece.end, std::min(next, whole.end)};
+        of(piece);
+    }
+}
+
 /// Windows of whole blocks in the order of the file; together all that must be read.
 std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) {
     const RasterFacts& f = layer.in.facts();
@@ -466,35 +507,7 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
     const Window wanted = layer.read_all ? all : intersection(posts_of(layer.blocks.blocks), all);
     std::vector<Window> windows;
     if (wanted.empty()) return windows;
-    // Across: from window row to window row; along: what one row of file blocks runs over.
-    const bool by_columns = f.decoded_columns() < f.decoded_rows();
-    const Interval across = by_columns ? wanted.columns : wanted.rows,
-                   along = by_columns ? wanted.rows : wanted.columns;
-    const std::int64_t file_across = by_columns ? f.decoded_columns() : f.decoded_rows();
-    const std::int64_t file_along = by_columns ? f.decoded_rows() : f.decoded_columns();
-    const std::int64_t file_high = up(file_across, edge) * edge, file_wide = up(file_along, edge) * edge;
-    const bool cut_along = file_along < along.size();
-    // A window, and a part of the file whose windows come one after the other: a file's block that no window can hold is decoded
-    // once for all of its own.
-    std::int64_t high = file_high, wide = along.size(), part_high = 0, part_wide = along.size();
-    if (high * wide <= most_posts) {
-        high *= std::max<std::int64_t>(1, most_posts / (high * wide));
-    } else if (cut_along && high * file_wide <= most_posts) {
-        wide = most_posts / high / file_wide * file_wide;
-    } else {
-        part_high = file_high;
-        if (cut_along) part_wide = file_wide;
-        wide = std::min(wide, part_wide);
-        high = std::clamp(most_posts / wide / edge * edge, edge, file_high);
-        if (high * wide > most_posts) wide = std::max(edge, most_posts / high / edge * edge);
-    }
-    part_high = std::max(part_high, high);
-    // Edges at whole multiples, so that the file's blocks are cut by none.
-    const auto step = [](std::int64_t at, std::int64_t size, Interval of) {
-        return Interval{at, size >= of.size() ? of.end : std::min((block_along(at, size) + 1) * size, of.end)};
-    };
-    const auto add = [&](Interval a, Interval b) {
-        Window w = by_columns ? Window{a, b} : Window{b, a};
+    const auto add = [&](Window w) {
         if (!layer.read_all) {
             // Only the hull of the blocks needed here.
             const Window blocks = in_blocks(w, edge);
@@ -506,19 +519,18 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
         }
         if (!w.empty()) windows.push_back(w);
     };
-    for (Interval down{across.begin, across.begin}; down.end < across.end;) {
-        down = step(down.end, part_high, across);
-        for (Interval over{along.begin, along.begin}; over.end < along.end;) {
-            over = step(over.end, part_wide, along);
-            for (Interval a{down.begin, down.begin}; a.end < down.end;) {
-                a = step(a.end, high, down);
-                for (Interval b{over.begin, over.begin}; b.end < over.end;) {
-                    b = step(b.end, wide, over);
-                    add(a, b);
-                }
-            }
-        }
-    }
+    const WindowShape shape = window_shape(f, edge, wanted, most_posts);
+    const Interval across = shape.by_columns ? wanted.columns : wanted.rows,
+                   along = shape.by_columns ? wanted.rows : wanted.columns;
+    for_each_piece(across, shape.part_high, [&](Interval down) {
+        for_each_piece(along, shape.part_wide, [&](Interval over) {
+            for_each_piece(down, shape.high, [&](Interval a) {
+                for_each_piece(over, shape.wide, [&](Interval b) {
+                    add(shape.by_columns ? Window{a, b} : Window{b, a});
+                });
+            });
+        });
+    });
     return windows;
 }
 

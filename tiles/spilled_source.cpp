@@ -59,6 +59,34 @@ DataBaseParams read_once(DataBaseParams params) {
     return params;
 }
 
+/// The files of the rasters, which are to stay as they are while a pass reads them.
+class FilesAtRest {
+public:
+    explicit FilesAtRest(const DataBaseParams& params) {
+        for (const std::string* path : {&params.dem, &params.culture, &params.culture_height})
+            if (!path->empty()) files_.emplace_back(*path, file_stamps(*path));
+    }
+    void check() const {
+        for (const auto& [path, stamps] : files_)
+            if (file_stamps(path) != stamps)
+                throw DataError(text("'", path, "' changed while it was read; run again when it is at rest"));
+    }
+
+private:
+    std::vector<std::pair<std::string, std::vector<FileStamp>>> files_;
+};
+
+/// Of all blocks that are needed, none narrower than its type.
+std::uint64_t widest_bytes(const std::vector<LayerPass>& passes) {
+    std::uint64_t bytes = 0;
+    for (const LayerPass& layer : passes) {
+        const BlockSet& blocks = layer.blocks;
+        bytes += static_cast<std::uint64_t>(std::count(blocks.needed.begin(), blocks.needed.end(), true) * blocks.edge *
+                                            blocks.edge * std::min(layer.in.facts().type_bytes, 4));
+    }
+    return bytes;
+}
+
 class PartitionedSource final : public RasterSource {
 public:
     /// `extremes`: take them on the way, over the whole raster.
@@ -188,6 +216,11 @@ private:
                  const std::string& keep);
     /// The pass. `keep`: null where no spill stays.
     void partition(const PartitionScope& scope, bool extremes, const SpillOptions& options, const Keep* keep);
+    /// Reads the rasters, and puts the spill's blocks in their place.
+    void run_passes(const Passes& made);
+    void keep_for(const IndexPosition& nadir, const Keep& keep);
+    /// Posts and classes are asked for by the spill's blocks.
+    void take_block_edges(const Passes& made);
     void foresee(const PartitionScope& scope, bool extremes, const SpillOptions& options);
     void reopen(const std::string& path, const IndexPosition& nadir, const SpillOptions& options);
 
@@ -298,25 +331,12 @@ void PartitionedSource::lay_out(Passes& made, const PartitionScope& scope, bool 
 
 void PartitionedSource::partition(const PartitionScope& scope, bool extremes, const SpillOptions& options,
                                   const Keep* keep) {
-    std::vector<std::string> paths{params_.dem};
-    for (const std::string& path : {params_.culture, params_.culture_height})
-        if (!path.empty()) paths.push_back(path);
-    std::vector<std::vector<FileStamp>> before;
-    for (const std::string& path : paths) before.push_back(file_stamps(path));
-
+    const FilesAtRest files(params_);
     Passes made;
     lay_out(made, scope, extremes, options, keep ? keep->path : "");
-    auto& [pass, terrain, height, culture, passes, with_map] = made;
-    std::uint64_t expected = 0;
-    for (const LayerPass& layer : passes) {
-        const BlockSet& blocks = layer.blocks;
-        expected += static_cast<std::uint64_t>(std::count(blocks.needed.begin(), blocks.needed.end(), true) *
-                                               blocks.edge * blocks.edge * std::min(layer.in.facts().type_bytes, 4));
-    }
-    spill_->expect(expected);
-
-    Survey survey(data_base_, terrain, with_map);
-    LayerPass& terrain_pass = passes[height_ ? 1 : 0];
+    spill_->expect(widest_bytes(made.layers));
+    Survey survey(data_base_, made.terrain, made.with_map);
+    LayerPass& terrain_pass = made.layers[height_ ? 1 : 0];
     terrain_pass.survey = &survey;
     if (height_)
         terrain_pass.culture = [this](const Window& window, std::vector<float>& out) {
@@ -326,24 +346,40 @@ void PartitionedSource::partition(const PartitionScope& scope, bool extremes, co
             height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale,
                                   NeededPosts(everything), out.data(), scratch);
         };
-
     std::uint64_t total = 0, done = 0;
-    for (const LayerPass& layer : passes) total += posts_of_pass(layer, pass);
-    pass.progress = [&](std::uint64_t posts) {
+    for (const LayerPass& layer : made.layers) total += posts_of_pass(layer, made.pass);
+    made.pass.progress = [&](std::uint64_t posts) {
         done += posts;
         if (options.progress) options.progress(static_cast<double>(done) / static_cast<double>(total));
     };
+    run_passes(made);
+    files.check();
+    if (extremes) extremes_ = survey.extremes();
+    map_ = survey.take_map();
+    if (keep)
+        keep_for(scope.nadir, *keep);
+    else
+        spill_->seal();
+    if (height_) height_->forget();
+    store_.reset();
+    tiles_->limit(0);
+    take_block_edges(made);
+    if (options.timeline) options.timeline->memory(cache_bytes());
+    trim_freed_memory();  // what the pass held is the engine's now
+}
+
+void PartitionedSource::run_passes(const Passes& made) {
     std::vector<std::unique_ptr<RasterLayer>> rasters;   // until the end: a pass may still read from one
     std::vector<RasterLayer::Fingerprint> fingerprints;  // before anything is read
-    for (const LayerPass& layer : passes) fingerprints.push_back(layer.in.fingerprint_now());
-    for (const LayerPass& layer : passes) {
-        const PassDone done_here = run_pass(layer, pass);
-        pass_bytes_ += done_here.read_bytes;
+    for (const LayerPass& layer : made.layers) fingerprints.push_back(layer.in.fingerprint_now());
+    for (std::size_t i = 0; i < made.layers.size(); ++i) {
+        const LayerPass& layer = made.layers[i];
+        const PassDone done = run_pass(layer, made.pass);
+        pass_bytes_ += done.read_bytes;
         const std::size_t cached = GdalSession::cache_used_bytes() + tiles_->bytes();
-        pass_peak_bytes_ = std::max(pass_peak_bytes_, done_here.held_bytes + spill_->index_bytes() + map_bytes_ +
-                                                          cached + forecast_.readers * RasterSource::reader_bytes());
-        auto blocks = std::make_unique<SpilledLayer>(
-            layer.in.facts(), fingerprints[static_cast<std::size_t>(&layer - passes.data())], spill_, layer.layer);
+        pass_peak_bytes_ = std::max(pass_peak_bytes_, done.held_bytes + spill_->index_bytes() + map_bytes_ + cached +
+                                                          forecast_.readers * RasterSource::reader_bytes());
+        auto blocks = std::make_unique<SpilledLayer>(layer.in.facts(), fingerprints[i], spill_, layer.layer);
         if (height_ && &layer.in == &height_->raster())
             rasters.push_back(height_->replace(std::move(blocks)));
         else if (culture_ && &layer.in == &culture_->raster())
@@ -351,34 +387,24 @@ void PartitionedSource::partition(const PartitionScope& scope, bool extremes, co
         else
             rasters.push_back(replace_terrain(std::move(blocks)));
     }
-    for (std::size_t i = 0; i < paths.size(); ++i)
-        if (file_stamps(paths[i]) != before[i])
-            throw DataError(text("'", paths[i], "' changed while it was read; run again when it is at rest"));
-    rasters.clear();
-    if (extremes) extremes_ = survey.extremes();
-    map_ = survey.take_map();
-    if (keep) {
-        if (map_) put_map();
-        KeptDescription made_for{keep->latlon, scope.nadir, params_.culture_height_scale, *extremes_, ""};
-        for (RasterLayer* layer : readers()) made_for.files += files(*layer);
-        spill_->keep(made_for.lines());
-    } else {
-        spill_->seal();
-    }
-    if (height_) height_->forget();
-    store_.reset();
-    tiles_->limit(0);
-    data_base_.block_columns = data_base_.block_rows = terrain.edge;
-    if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture.edge;
-    if (options.timeline) options.timeline->memory(cache_bytes());
-    trim_freed_memory();  // what the pass held is the engine's now
+}
+
+void PartitionedSource::keep_for(const IndexPosition& nadir, const Keep& keep) {
+    if (map_) put_map();
+    KeptDescription made_for{keep.latlon, nadir, params_.culture_height_scale, *extremes_, ""};
+    for (RasterLayer* layer : readers()) made_for.files += files(*layer);
+    spill_->keep(made_for.lines());
+}
+
+void PartitionedSource::take_block_edges(const Passes& made) {
+    data_base_.block_columns = data_base_.block_rows = made.terrain.edge;
+    if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = made.culture.edge;
 }
 
 void PartitionedSource::foresee(const PartitionScope& scope, bool extremes, const SpillOptions& options) {
     Passes made;
     lay_out(made, scope, extremes, options, "");
-    data_base_.block_columns = data_base_.block_rows = made.terrain.edge;
-    if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = made.culture.edge;
+    take_block_edges(made);
     // The ledgers will be of the blocks.
     for (const LayerPass& layer : made.layers) {
         const RasterFacts& f = layer.in.facts();

@@ -341,123 +341,157 @@ std::string observers_table(const Observers& observers, const ObserverSweep& run
                              usage.user_s, usage.system_s, readable_bytes(static_cast<double>(usage.peak_rss_bytes)));
 }
 
-/// Counts that are written.
-struct Counted {
-    const Observers& observers;
-    const ObserverSweep& run;
-    WedgeSource& source;
-    const Facts& facts;
-    const std::string &unfit_map, &losses;
-};
+/// A coverage of observers from its files to its counts, step by step.
+class ObserversRun {
+public:
+    ObserversRun(const Settings& given, double start_s, Stop& stop)
+        : start_s_(start_s), stop_(stop), settings_(given), session_(cache_bytes(settings_), settings_.config) {
+        check_coverage_names(settings_);
+        file_.emplace(settings_.output, settings_.overwrite);
+        records_.emplace(settings_);
+    }
 
-void tell(const Settings& settings, const Counted& what, const Usage& usage, double wall_s) {
-    const auto& [observers, run, source, facts, unfit_map, losses] = what;
-    const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
-    const double judged = static_cast<double>(facts.posts.seen + facts.posts.unseen);
-    say(fmt::format("{}; seen by at least {}: {}, {:.2f} % of those in range with data; most: {}",
-                    counted(observers.size(), "observer"), settings.at_least.value_or(1),
-                    counted(facts.posts.enough, "post"),
-                    judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
-    if (judged == 0) say(nothing_judged_line(settings));
-    if (!losses.empty()) say(losses);
-    remark_unused(settings.quiet, unfit_map);
-    for (const std::string& line : doubts_of_heights(settings.dem, source, settings.culture_height_scale)) say(line);
-    if (!observers.note().empty()) say(observers.note());
-    say(text(
-        "written: ", settings.output,
-        fmt::format(" ({:.1f} s, {:.1f} observers/s)", wall_s, static_cast<double>(observers.size()) / run.sweep_s())));
-    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", observers_table(observers, run, facts, usage));
-    if (!settings.profile) return;
-    // What else the run wrote went to the scratch file.
-    const std::uint64_t written = usage.written_bytes.value_or(0), scratch = facts.scratch_written;
-    fmt::print(stderr, "{}",
-               limits_words(settings, coverage_stages(run.total(), source.data_base(), facts.write_s,
-                                                      written - std::min(written, scratch), usage)));
-}
+    void run() {
+        open();
+        sweep();
+        write();
+        tell();
+    }
+
+private:
+    void say(const std::string& line) const {
+        if (!line.empty()) remark(settings_.quiet, line);
+    }
+
+    void open() {
+        const Span opening(records_->timeline(), "open", "stage");
+        unfit_map_ = find_ground(settings_, {.many = true, .whole = true}, stop_);
+        try {
+            open_source();
+        } catch (const TooLittleMemory& e) {
+            sweep_.reset();
+            source_.reset();
+            refuse(e, memory_bytes(settings_), [&](std::size_t memory) { share_out_at(memory); });
+        }
+        say(hard_to_read(settings_, *source_, stop_));
+        const DataBase& db = source_->data_base();
+        CoverageFile::Layer layer;
+        layer.counts = !settings_.at_least;
+        layer.mask = settings_.coverage.mask;
+        if (settings_.no_data_value) layer.no_data = layer.mask.no_data;
+        raster_.emplace(observers_->size(), db, layer, *file_, coverage_format(settings_));
+        counts_.emplace(db.columns, db.rows, observers_->size(), facts_.shares.count_bytes, settings_.temp_dir);
+        if (Timeline* timeline = records_->timeline()) timeline->memory(memory_bytes(settings_));
+        facts_.open_s = now_s() - start_s_;
+    }
+
+    void open_source() {
+        source_ = open_shared_source(settings_, stop_);
+        take_units_of(source_->data_base(), settings_);
+        data_ = source_->fingerprint({});
+        read_observers_of(source_->data_base());
+        Threads(thread_count(settings_)).execute([&] { source_->read(&stop_); });
+        sweep_.emplace(settings_, *observers_, *source_, records_->timeline(), stop_);
+        largest_ = sweep_->largest();
+        facts_.shares = share_out(settings_, *observers_, *source_, *largest_);
+    }
+
+    /// TooLittleMemory where this much does not do.
+    void share_out_at(std::size_t memory) {
+        const Settings granted = with_memory(settings_, memory);
+        const auto source = open_shared_source(granted, stop_);
+        if (!observers_) read_observers_of(source->data_base());
+        if (!largest_) largest_ = ObserverSweep(granted, *observers_, *source, nullptr, stop_).largest();
+        share_out(granted, *observers_, *source, *largest_);
+    }
+
+    void read_observers_of(const DataBase& data_base) {
+        observers_ =
+            read_observers(settings_.observers, settings_.observers_layer, settings_.altitude_given, data_base, stop_);
+        if (settings_.at_least && *settings_.at_least > static_cast<std::int64_t>(observers_->size()))
+            throw InputError(text("at-least is ", *settings_.at_least, ", and observers ",
+                                  in_quotes(settings_.observers), " holds ", observers_->size(),
+                                  "; accepted: at most so many"));
+    }
+
+    void sweep() {
+        Progress progress(settings_.quiet);
+        const Span sweeping(records_->timeline(), "observers", "stage");
+        sweep_->sweep(facts_.shares, *counts_, [&](double fraction) { progress.report(fraction); });
+        check_unchanged(*source_, data_);
+        progress.done();
+    }
+
+    void write() {
+        const DataBase& db = source_->data_base();
+        {
+            const Span writing(records_->timeline(), "write", "stage");
+            const double write_start_s = now_s();
+            facts_.posts = write_counts(settings_, db, *counts_, *raster_, stop_);
+            raster_->close(facts_.posts.no_data + (settings_.at_least ? facts_.posts.outside : 0));
+            facts_.write_s = now_s() - write_start_s;
+        }
+        stop_.check();
+        records_->end_timeline();
+        usage_ = usage_since(start_s_);
+        facts_.in_memory = source_->keeps();
+        facts_.bytes_read = sweep_->total().bytes_read;
+        if (facts_.in_memory) facts_.bytes_read += static_cast<std::uint64_t>(db.columns * db.rows * db.post_bytes);
+        facts_.scratch_written = counts_->written_bytes();
+        facts_.scratch_read = counts_->read_bytes();
+        if (OutputFile* to = records_->report())
+            write_observers_report(*to, settings_, *observers_, *sweep_, *source_, facts_, usage_);
+        records_->commit({&*file_}, data_paths(settings_));
+    }
+
+    void tell() const {
+        const auto judged = static_cast<double>(facts_.posts.seen + facts_.posts.unseen),
+                   enough = static_cast<double>(facts_.posts.enough);
+        say(fmt::format("{}; seen by at least {}: {}, {:.2f} % of those in range with data; most: {}",
+                        counted(observers_->size(), "observer"), settings_.at_least.value_or(1),
+                        counted(facts_.posts.enough, "post"), judged > 0 ? 100 * enough / judged : 0.0,
+                        facts_.posts.most));
+        if (judged == 0) say(nothing_judged_line(settings_));
+        say(raster_->losses());
+        remark_unused(settings_.quiet, unfit_map_);
+        for (const std::string& line : doubts_of_heights(settings_.dem, *source_, settings_.culture_height_scale))
+            say(line);
+        say(observers_->note());
+        say(text("written: ", settings_.output,
+                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s_,
+                             static_cast<double>(observers_->size()) / sweep_->sweep_s())));
+        if (settings_.profile || settings_.verbose)
+            fmt::print(stderr, "{}", observers_table(*observers_, *sweep_, facts_, usage_));
+        if (!settings_.profile) return;
+        // What else the run wrote went to the scratch file.
+        const std::uint64_t written = usage_.written_bytes.value_or(0), scratch = facts_.scratch_written;
+        fmt::print(stderr, "{}",
+                   limits_words(settings_, coverage_stages(sweep_->total(), source_->data_base(), facts_.write_s,
+                                                           written - std::min(written, scratch), usage_)));
+    }
+
+    const double start_s_;
+    Stop& stop_;
+    Settings settings_;
+    GdalSession session_;
+    std::optional<OutputFile> file_;
+    std::optional<RunRecords> records_;
+    std::string unfit_map_;
+    std::unique_ptr<SharedSource> source_;
+    std::uint64_t data_ = 0;  ///< the fingerprint of the data base before any of it was read
+    std::optional<Observers> observers_;
+    std::optional<ObserverSweep> sweep_;
+    std::optional<std::size_t> largest_;  ///< coverage, as ObserverSweep::largest()
+    std::optional<CoverageFile> raster_;
+    std::optional<CountStore> counts_;
+    Facts facts_;
+    Usage usage_;
+};
 
 }  // namespace
 
 void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
-    Settings settings = given;
-    const GdalSession session(cache_bytes(settings), settings.config);
-    check_coverage_names(settings);
-    OutputFile file(settings.output, settings.overwrite);
-    RunRecords records(settings);
-    Timeline* const timeline = records.timeline();
-
-    Span opening(timeline, "open", "stage");
-    const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
-    std::optional<Observers> observers;
-    std::optional<std::size_t> largest;
-    const auto read = [&](const DataBase& data_base) {
-        observers =
-            read_observers(settings.observers, settings.observers_layer, settings.altitude_given, data_base, stop);
-        if (settings.at_least && *settings.at_least > static_cast<std::int64_t>(observers->size()))
-            throw InputError(text("at-least is ", *settings.at_least, ", and observers ", in_quotes(settings.observers),
-                                  " holds ", observers->size(), "; accepted: at most so many"));
-    };
-    const auto fits = [&](std::size_t memory) {
-        const Settings granted = with_memory(settings, memory);
-        const auto source = open_shared_source(granted, stop);
-        if (!observers) read(source->data_base());
-        if (!largest) largest = ObserverSweep(granted, *observers, *source, nullptr, stop).largest();
-        share_out(granted, *observers, *source, *largest);
-    };
-    std::unique_ptr<SharedSource> source;
-    std::optional<ObserverSweep> run;
-    Facts facts;
-    std::uint64_t data = 0;
-    try {
-        source = open_shared_source(settings, stop);
-        take_units_of(source->data_base(), settings);
-        data = source->fingerprint({});
-        read(source->data_base());
-        Threads(thread_count(settings)).execute([&] { source->read(&stop); });
-        run.emplace(settings, *observers, *source, timeline, stop);
-        largest = run->largest();
-        facts.shares = share_out(settings, *observers, *source, *largest);
-    } catch (const TooLittleMemory& e) {
-        run.reset();
-        source.reset();
-        refuse(e, memory_bytes(settings), fits);
-    }
-    if (const std::string line = hard_to_read(settings, *source, stop); !line.empty()) remark(settings.quiet, line);
-    const DataBase& db = source->data_base();
-    CoverageFile::Layer layer;
-    layer.counts = !settings.at_least;
-    layer.mask = settings.coverage.mask;
-    if (settings.no_data_value) layer.no_data = layer.mask.no_data;
-    CoverageFile raster(observers->size(), db, layer, file, coverage_format(settings));
-    CountStore counts(db.columns, db.rows, observers->size(), facts.shares.count_bytes, settings.temp_dir);
-    if (timeline) timeline->memory(memory_bytes(settings));
-    opening.end();
-    facts.open_s = now_s() - start_s;
-
-    Progress progress(settings.quiet);
-    Span sweeping(timeline, "observers", "stage");
-    run->sweep(facts.shares, counts, [&](double fraction) { progress.report(fraction); });
-    check_unchanged(*source, data);
-    sweeping.end();
-    progress.done();
-    Span writing(timeline, "write", "stage");
-    const double write_start_s = now_s();
-    facts.posts = write_counts(settings, db, counts, raster, stop);
-    raster.close(facts.posts.no_data + (settings.at_least ? facts.posts.outside : 0));
-    facts.write_s = now_s() - write_start_s;
-    writing.end();
-
-    stop.check();
-    records.end_timeline();
-    const Usage usage = usage_since(start_s);
-    facts.in_memory = source->keeps();
-    facts.bytes_read = run->total().bytes_read;
-    if (facts.in_memory) facts.bytes_read += static_cast<std::uint64_t>(db.columns * db.rows * db.post_bytes);
-    facts.scratch_written = counts.written_bytes();
-    facts.scratch_read = counts.read_bytes();
-    if (OutputFile* to = records.report())
-        write_observers_report(*to, settings, *observers, *run, *source, facts, usage);
-    records.commit({&file}, data_paths(settings));
-    tell(settings, {*observers, *run, *source, facts, unfit_map, raster.losses()}, usage, now_s() - start_s);
+    ObserversRun(given, start_s, stop).run();
 }
 
 }  // namespace wedgescope

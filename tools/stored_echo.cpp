@@ -100,63 +100,55 @@ std::uint64_t hex_number(const Member& from, const char* key) {
     return sum;
 }
 
-}  // namespace
-
-StoredEcho stored_echo(const std::string& path, const std::string& scene_json, std::int64_t columns,
-                       std::int64_t rows) {
-    const std::string named = text("echo image ", in_quotes(path));
-    const json all = json::parse(scene_json, nullptr, false);
-    if (all.is_discarded() || !all.is_object())
-        throw DataError(text(named, " is damaged, or was changed: its SCENE_JSON is no JSON object"));
-    const Member top(path, all, "");
-    const std::string format = all.value("format", json()).is_string() ? top.words("format") : "";
-    if (format != "wedgescope-scene-1")
+/// `named`: what its errors begin with.
+void check_maker(const std::string& named, const Member& top, const json& format) {
+    const std::string found = format.is_string() ? format.get<std::string>() : "";
+    if (found != "wedgescope-scene-1")
         throw DataError(
-            text(named, ": the format of its SCENE_JSON is ", in_quotes(format), "; wedgescope-scene-1 is needed"));
+            text(named, ": the format of its SCENE_JSON is ", in_quotes(found), "; wedgescope-scene-1 is needed"));
     const std::string made_by = top.words("version");
-    const bool echo_known = top.has("echo");
-    if (made_by != version() || !echo_known || top.object("echo").whole("revision") != echo_revision)
+    if (made_by != version() || !top.has("echo") || top.object("echo").whole("revision") != echo_revision)
         throw DataError(text(named, " was written by ",
                              made_by == version() ? "another build of wedgescope " : "wedgescope ", in_quotes(made_by),
                              ", and this is ", version(), ", whose echo may differ; simulate again"));
+}
 
-    StoredEcho out;
-    out.path = path;
-    const Member resolved = top.object("resolved"), echo = top.object("echo");
-    out.data_base = echo.at("data_base");
-    const Member data_base = echo.object("data_base");
-    const Member parameters = top.object("parameters");
+/// What `ask` makes of what the image says; where that is `Wrong`, so is the image.
+template <class Wrong, class Ask>
+auto of_image(const std::string& named, const Ask& ask) {
+    try {
+        return ask();
+    } catch (const Wrong& e) {
+        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
+    }
+}
+
+bool shapes_echo(const Key& key) {
+    return (key.commands & command_simulate) && key.in_scene_file && key.changes_result;
+}
+
+/// What the image was made with: every parameter of an echo, and nothing that says what to write or how to run.
+std::vector<Given> parameters_in(const std::string& named, const Member& parameters, const json& object) {
     for (const Key& key : key_table())
-        if ((key.commands & command_simulate) && key.in_scene_file && key.changes_result &&
-            !parameters.has(key.name.c_str()))
-            parameters.refuse(key.name.c_str(), "there");
-    try {
-        out.given = given_in_json(all["parameters"]);
-    } catch (const DataError& e) {
-        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
-    }
-    try {
-        // Nothing that says what to write or how to run.
-        for (const Given& given : out.given)
-            if (const Key& key = *find_key(given.key);
-                !(key.commands & command_simulate) || !key.in_scene_file || !key.changes_result)
-                parameters.refuse(given.key.c_str(), "a parameter of an echo image");
-        out.settings = settings_from({}, out.given);
-        for (const auto& [name, value] : out.data_base.items()) {
-            const Key* key = find_key(name);
-            if (key && key->group == KeyGroup::data_base && !takes_path(*key))
-                key->set(out.settings, {name, data_base.words(name.c_str()), name, ""});
-        }
-    } catch (const InputError& e) {
-        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
-    }
-    out.checksum = hex_number(echo, "checksum");
-    out.said = without_checksum(all);
-    out.levels = echo.flag("levels");
-    out.post_m = number_or_infinite(echo, "detail_post_m");
-    out.crs_wkt = echo.words("crs_wkt");
-    out.metres_per_unit = echo.number("metres_per_unit");
+        if (shapes_echo(key) && !parameters.has(key.name.c_str())) parameters.refuse(key.name.c_str(), "there");
+    std::vector<Given> all = of_image<DataError>(named, [&] { return given_in_json(object); });
+    for (const Given& given : all)
+        if (!shapes_echo(*find_key(given.key))) parameters.refuse(given.key.c_str(), "a parameter of an echo image");
+    return all;
+}
 
+Settings settings_in(const std::vector<Given>& given, const Member& data_base, const json& of_data_base) {
+    Settings settings = settings_from({}, given);
+    for (const auto& [name, value] : of_data_base.items()) {
+        const Key* key = find_key(name);
+        if (key && key->group == KeyGroup::data_base && !takes_path(*key))
+            key->set(settings, {name, data_base.words(name.c_str()), name, ""});
+    }
+    return settings;
+}
+
+/// Where the sensor was, and what the terrain had to say.
+ResolvedScene place_in(const Member& resolved, const Member& echo) {
     ResolvedScene place;
     place.geometry = resolved.words("geometry") == "grid" ? Geometry::grid : Geometry::geodesic;
     place.has_lat_lon = resolved.has("lat_deg");
@@ -176,16 +168,41 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     place.rain_floor = rain_floor_in(resolved);
     place.earth = Earth::of_curvature(resolved.number("earth_inverse_radius_per_m"));
     place.scene.range_m = resolved.number("range_m");
+    return place;
+}
+
+}  // namespace
+
+StoredEcho stored_echo(const std::string& path, const std::string& scene_json, std::int64_t columns,
+                       std::int64_t rows) {
+    const std::string named = text("echo image ", in_quotes(path));
+    const json all = json::parse(scene_json, nullptr, false);
+    if (all.is_discarded() || !all.is_object())
+        throw DataError(text(named, " is damaged, or was changed: its SCENE_JSON is no JSON object"));
+    const Member top(path, all, "");
+    check_maker(named, top, all.value("format", json()));
+
+    StoredEcho out;
+    out.path = path;
+    const Member resolved = top.object("resolved"), echo = top.object("echo");
+    out.data_base = echo.at("data_base");
+    const Member data_base = echo.object("data_base");
+    out.given = parameters_in(named, top.object("parameters"), top.at("parameters"));
+    out.settings = of_image<InputError>(named, [&] { return settings_in(out.given, data_base, out.data_base); });
+    out.checksum = hex_number(echo, "checksum");
+    out.said = without_checksum(all);
+    out.levels = echo.flag("levels");
+    out.post_m = number_or_infinite(echo, "detail_post_m");
+    out.crs_wkt = echo.words("crs_wkt");
+    out.metres_per_unit = echo.number("metres_per_unit");
+
+    const ResolvedScene place = place_in(resolved, echo);
     const PolarGrid swept = grid_in(resolved, "swept");
     if (swept.range_bins.size() != columns || swept.azimuth_bins.size() != rows)
         throw DataError(text(named, " has ", columns, " x ", rows, " cells; its SCENE_JSON says ",
                              swept.range_bins.size(), " x ", swept.azimuth_bins.size(),
                              " (simulate --echo writes whole images; a part of one will not do)"));
-    try {
-        out.scene = resolve(out.settings.scene, place);
-    } catch (const InputError& e) {
-        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
-    }
+    out.scene = of_image<InputError>(named, [&] { return resolve(out.settings.scene, place); });
     if (!holds(swept, out.scene.swept) || out.scene.shown != grid_in(resolved, "shown"))
         throw DataError(
             text(named, " is damaged, or was changed: the bins of its SCENE_JSON are not those of its parameters"));
@@ -259,6 +276,111 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
 
 std::string bins_words(Interval bins) { return text(bins.begin, " to ", bins.end - 1); }
 
+/// The cells that a scene asks for against those that an echo image holds: a line for the first key that they differ by.
+class CellsCheck {
+public:
+    CellsCheck(const StoredEcho& echo, const std::vector<Given>& given, const Settings& settings,
+               const ResolvedScene& scene)
+        : echo_(echo), given_(given), settings_(settings), scene_(scene), radar_(scene.scene.radar),
+          before_(echo.scene.scene.radar) {}
+
+    /// InputError.
+    void run() const {
+        check_display();
+        check_sizes();
+        check_extent();
+        check_levels();
+    }
+
+private:
+    std::string name(const char* key) const { return origin_of(given_, key); }
+    std::string value(const char* key) const { return value_words(find_key(key)->get(settings_)); }
+
+    void check_display() const {
+        const DisplayKind kind = scene_.scene.display.kind, old_kind = echo_.scene.scene.display.kind;
+        if ((kind == DisplayKind::gpi_true) != (old_kind == DisplayKind::gpi_true))
+            throw InputError(
+                text(name("display"), " is ", word(kind), "; the echo image was swept for ", word(old_kind),
+                     ", and gpi-true bins echoes by ground range, the others by slant range", sweep_needed));
+    }
+
+    void check_sizes() const {
+        const PolarGrid &stored = echo_.scene.swept, &wanted = scene_.swept;
+        if (wanted.circle_bins != stored.circle_bins) {
+            const bool open = !settings_.scene.azimuth_bins;
+            throw InputError(
+                text(open ? text(name("beam"), " is ", value("beam"), " and azimuth-bins auto, which makes ")
+                          : text(name("azimuth-bins"), " is "),
+                     wanted.circle_bins, open ? " azimuth bins" : "", "; the echo image has ", stored.circle_bins,
+                     open ? text(" (azimuth-bins ", stored.circle_bins, " keeps them)") : "", sweep_needed));
+        }
+        if (wanted.range_bin_m != stored.range_bin_m) {
+            const bool open = !settings_.scene.range_bin_m;
+            const auto length = [](double m) { return quantity_text(Dimension::length, m); };
+            throw InputError(text(
+                open ? text(name("pulse"), " is ", value("pulse"), " and range-bin auto, which makes range bins of ")
+                     : text(name("range-bin"), " is "),
+                length(wanted.range_bin_m), "; the echo image has ", open ? "" : "bins of ", length(stored.range_bin_m),
+                open ? text(" (range-bin ", length(stored.range_bin_m), " keeps them)") : "", sweep_needed));
+        }
+    }
+
+    void check_extent() const {
+        const PolarGrid &stored = echo_.scene.swept, &wanted = scene_.swept;
+        const bool turned = settings_.scene.platform.heading != echo_.settings.scene.platform.heading;
+        const std::string azimuths = name("sector") == "sector" && turned ? name("heading") : name("sector");
+        if (!holds(stored, scene_.shown))
+            throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene_.shown.azimuth_bins),
+                                  "; the echo image holds ", bins_words(stored.azimuth_bins), " of ",
+                                  stored.circle_bins, sweep_needed));
+        if (wanted.range_bins.begin < stored.range_bins.begin)
+            throw InputError(text(name(key_of_pulse("ple-scale")), " makes the sweep begin at range bin ",
+                                  wanted.range_bins.begin, " before range-start; the echo image begins at ",
+                                  stored.range_bins.begin, sweep_needed));
+        if (!holds(stored, wanted)) {
+            const char* key = radar_.antenna.azimuth != before_.antenna.azimuth &&
+                                      radar_.antenna.beam.rad() == before_.antenna.beam.rad()
+                                  ? "azimuth-pattern"
+                                  : key_of_beam("");
+            throw InputError(text(*key ? name(key) : azimuths, " makes the beam gather azimuth bins ",
+                                  bins_words(wanted.azimuth_bins), "; the echo image holds ",
+                                  bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
+        }
+    }
+
+    void check_levels() const {
+        if (same_levels(echo_.scene, echo_.levels, echo_.post_m, scene_)) return;
+        const char* const of_pulse = key_of_pulse(nullptr);
+        const char* const key = of_pulse ? of_pulse : key_of_beam("bwe-scale");  // a narrower beam alone may be taken
+        throw InputError(text(
+            name(key), " is ", value(key),
+            "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"
+            " (simulate --detail off makes an echo image that takes it)",
+            sweep_needed));
+    }
+
+    /// Which of the keys that make the pulse longer is another; `none`: none is.
+    const char* key_of_pulse(const char* none) const {
+        return radar_.pulse_s != before_.pulse_s                         ? "pulse"
+               : radar_.pulse_length_error != before_.pulse_length_error ? "ple"
+               : radar_.pulse_length_scale != before_.pulse_length_scale ? "ple-scale"
+                                                                         : none;
+    }
+    /// Of those that make the beam wider.
+    const char* key_of_beam(const char* none) const {
+        return radar_.antenna.beam.rad() != before_.antenna.beam.rad() ? "beam"
+               : radar_.beam_width_error != before_.beam_width_error   ? "bwe"
+               : radar_.beam_width_scale != before_.beam_width_scale   ? "bwe-scale"
+                                                                       : none;
+    }
+
+    const StoredEcho& echo_;
+    const std::vector<Given>& given_;
+    const Settings& settings_;
+    const ResolvedScene& scene_;
+    const RadarParams &radar_, &before_;
+};
+
 }  // namespace
 
 ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& given, const Settings& asked) {
@@ -272,71 +394,8 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
         throw InputError(text("echo image ", in_quotes(echo.path),
                               " is a scan's (scan-step), whose azimuths were seen from several places", sweep_needed));
     check_given(echo, given, settings);
-    const auto name = [&](const char* key) { return origin_of(given, key); };
-    const bool turned = settings.scene.platform.heading != echo.settings.scene.platform.heading;
-    const std::string azimuths = name("sector") == "sector" && turned ? name("heading") : name("sector");
     const ResolvedScene scene = resolve(settings.scene, echo.scene);
-    const RadarParams &radar = scene.scene.radar, &before = echo.scene.scene.radar;
-
-    const DisplayKind kind = scene.scene.display.kind, old_kind = echo.scene.scene.display.kind;
-    if ((kind == DisplayKind::gpi_true) != (old_kind == DisplayKind::gpi_true))
-        throw InputError(text(name("display"), " is ", word(kind), "; the echo image was swept for ", word(old_kind),
-                              ", and gpi-true bins echoes by ground range, the others by slant range", sweep_needed));
-    const PolarGrid &stored = echo.scene.swept, &wanted = scene.swept;
-    if (wanted.circle_bins != stored.circle_bins) {
-        const bool open = !settings.scene.azimuth_bins;
-        throw InputError(text(open ? text(name("beam"), " is ", value_words(find_key("beam")->get(settings)),
-                                          " and azimuth-bins auto, which makes ")
-                                   : text(name("azimuth-bins"), " is "),
-                              wanted.circle_bins, open ? " azimuth bins" : "", "; the echo image has ",
-                              stored.circle_bins,
-                              open ? text(" (azimuth-bins ", stored.circle_bins, " keeps them)") : "", sweep_needed));
-    }
-    if (wanted.range_bin_m != stored.range_bin_m) {
-        const bool open = !settings.scene.range_bin_m;
-        const auto length = [](double m) { return quantity_text(Dimension::length, m); };
-        throw InputError(text(
-            open ? text(name("pulse"), " is ", value_words(find_key("pulse")->get(settings)),
-                        " and range-bin auto, which makes range bins of ")
-                 : text(name("range-bin"), " is "),
-            length(wanted.range_bin_m), "; the echo image has ", open ? "" : "bins of ", length(stored.range_bin_m),
-            open ? text(" (range-bin ", length(stored.range_bin_m), " keeps them)") : "", sweep_needed));
-    }
-    if (!holds(stored, scene.shown))
-        throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene.shown.azimuth_bins),
-                              "; the echo image holds ", bins_words(stored.azimuth_bins), " of ", stored.circle_bins,
-                              sweep_needed));
-    if (wanted.range_bins.begin < stored.range_bins.begin)
-        throw InputError(text(radar.pulse_s != before.pulse_s                         ? name("pulse")
-                              : radar.pulse_length_error != before.pulse_length_error ? name("ple")
-                                                                                      : name("ple-scale"),
-                              " makes the sweep begin at range bin ", wanted.range_bins.begin,
-                              " before range-start; the echo image begins at ", stored.range_bins.begin, sweep_needed));
-    if (!holds(stored, wanted)) {
-        const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
-                          : radar.antenna.azimuth != before.antenna.azimuth     ? "azimuth-pattern"
-                          : radar.beam_width_error != before.beam_width_error   ? "bwe"
-                          : radar.beam_width_scale != before.beam_width_scale   ? "bwe-scale"
-                                                                                : "";
-        throw InputError(text(*key ? name(key) : azimuths, " makes the beam gather azimuth bins ",
-                              bins_words(wanted.azimuth_bins), "; the echo image holds ",
-                              bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
-    }
-    if (!same_levels(echo.scene, echo.levels, echo.post_m, scene)) {
-        const char* const of_pulse = radar.pulse_s != before.pulse_s                         ? "pulse"
-                                     : radar.pulse_length_error != before.pulse_length_error ? "ple"
-                                     : radar.pulse_length_scale != before.pulse_length_scale ? "ple-scale"
-                                                                                             : nullptr;
-        const char* const of_beam = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
-                                    : radar.beam_width_error != before.beam_width_error   ? "bwe"
-                                                                                          : "bwe-scale";
-        const char* const key = of_pulse ? of_pulse : of_beam;  // a narrower beam alone may be taken
-        throw InputError(text(
-            name(key), " is ", value_words(find_key(key)->get(settings)),
-            "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"
-            " (simulate --detail off makes an echo image that takes it)",
-            sweep_needed));
-    }
+    CellsCheck(echo, given, settings, scene).run();
     return scene;
 }
 
