@@ -314,7 +314,7 @@ std::vector<std::uint32_t> holes(const std::vector<double>& painted_w, const Fra
 }  // namespace
 
 Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
-                const Receiver& receiver, Picture&& used) {
+                const Receiver& receiver, Picture&& used, const Stop* stop) {
     const PolarGrid& grid = setting.shown;
     if (received.grid() != grid || state.grid != grid || grid.cells() == 0)
         throw std::invalid_argument("picture: power, states and display have different grids, or empty ones");
@@ -332,7 +332,7 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
     const PixelScene scene = pixel_scene(setting, f, graticule);
     std::vector<double> painted_w;
     if (setting.params.pixel_fill != PixelFill::interpolate) painted_w = paint_cells(received, setting, f);
-    if (setting.params.pixel_fill == PixelFill::holes) fill_holes(painted_w, f, holes(painted_w, f, scene));
+    if (setting.params.pixel_fill == PixelFill::holes) fill_holes(painted_w, f, holes(painted_w, f, scene), stop);
     const bool lines = setting.params.azimuth_marks_rad.has_value();
     std::atomic<std::uint64_t> lit = 0;
     const bool ground_bins = setting.params.kind == DisplayKind::gpi_true;
@@ -385,6 +385,7 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
     };
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {
         const auto pixels = std::make_unique<PixelRow>();
+        if (stop) stop->check();
         for (std::int64_t row = rows.begin(); row < rows.end(); ++row) {
             if (received.plain())
                 draw_row(

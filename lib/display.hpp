@@ -10,6 +10,7 @@
 #include "lib/polar.hpp"
 #include "lib/receiver.hpp"
 #include "lib/scene.hpp"
+#include "lib/stop.hpp"
 
 namespace wedgescope {
 
@@ -86,8 +87,8 @@ struct Picture {
 /// (1, 2 or 5 x 10^n nautical miles, four to nine of them) or at `ring_spacing_m`, and ticks at the rim each 10 degrees
 /// from the azimuth that is up, longer each 30; with `azimuth_marks_rad` radial lines from the heading on, to either side up to
 /// 180 degrees, each from where its neighbours are four pixels away. All these add to the picture as a brighter trace does.
-/// `used`: a picture whose memory may serve again.
+/// `used`: a picture whose memory may serve again. Interrupted, where `stop` says so.
 Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
-                const Receiver& receiver, Picture&& used = {});
+                const Receiver& receiver, Picture&& used = {}, const Stop* stop = nullptr);
 
 }  // namespace wedgescope

@@ -183,7 +183,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     take_back(result.echo_state, result.state);
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
-    sweep_wedges(setting, source, planned, params, threads, crew, result);
+    sweep_wedges(setting, source, data, planned, params, threads, crew, result);
     if (!params.beside_others) trim_freed_memory();  // what the wedges held is the images' now
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
@@ -270,7 +270,8 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
             result.received_w.cells.empty()
                 ? ReceivedPower(result.power_w, scene.noise_power_w, blanked_bins(scene, scene.shown))
                 : ReceivedPower(result.received_w);
-        result.scope = picture(received, result.state, display_setting(scene), receiver, std::move(result.scope));
+        result.scope =
+            picture(received, result.state, display_setting(scene), receiver, std::move(result.scope), params.stop);
     } else {
         result.scope = {};
     }

@@ -46,34 +46,55 @@ std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySett
     return power_w;
 }
 
-void fill_holes(std::vector<double>& power_w, const Frame& frame, std::vector<std::uint32_t> holes) {
+namespace {
+
+/// Calls of(place) for the pixels round one, itself too.
+template <class Of>
+void for_each_round(std::size_t place, const Frame& frame, const Of& of) {
+    const std::int64_t column = static_cast<std::int64_t>(place) % frame.width,
+                       row = static_cast<std::int64_t>(place) / frame.width;
+    for (std::int64_t r = std::max<std::int64_t>(0, row - 1); r < std::min(row + 2, frame.height); ++r)
+        for (std::int64_t c = std::max<std::int64_t>(0, column - 1); c < std::min(column + 2, frame.width); ++c)
+            of(static_cast<std::size_t>(r * frame.width + c));
+}
+
+}  // namespace
+
+void fill_holes(std::vector<double>& power_w, const Frame& frame, std::vector<std::uint32_t> holes, const Stop* stop) {
+    std::vector<std::uint8_t> waits(power_w.size(), 0);
+    for (const std::uint32_t hole : holes) waits[hole] = 1;
     std::vector<double> found;
-    while (!holes.empty()) {
+    std::vector<std::uint32_t> next;
+    // All in the first pass, then those beside what the last one filled: no others have a neighbour now.
+    for (; !holes.empty(); holes.swap(next)) {
+        if (stop) stop->check();
         found.resize(holes.size());
-        oneapi::tbb::parallel_for(
-            oneapi::tbb::blocked_range<std::size_t>(0, holes.size(), 4096), [&](const auto& part) {
-                for (std::size_t k = part.begin(); k < part.end(); ++k) {
-                    const std::int64_t column = holes[k] % frame.width, row = holes[k] / frame.width;
-                    double sum = 0;
-                    int count = 0;
-                    for (std::int64_t r = std::max<std::int64_t>(0, row - 1); r < std::min(row + 2, frame.height); ++r)
-                        for (std::int64_t c = std::max<std::int64_t>(0, column - 1);
-                             c < std::min(column + 2, frame.width); ++c) {
-                            const double beside_w = power_w[static_cast<std::size_t>(r * frame.width + c)];
-                            if (beside_w < 0) continue;
-                            sum += beside_w;
-                            ++count;
-                        }
-                    found[k] = count > 0 ? sum / count : -1;
-                }
-            });
-        std::size_t left = 0;
+        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, holes.size(), 4096),
+                                  [&](const auto& part) {
+                                      for (std::size_t k = part.begin(); k < part.end(); ++k) {
+                                          double sum = 0;
+                                          int count = 0;
+                                          for_each_round(holes[k], frame, [&](std::size_t at) {
+                                              if (power_w[at] < 0) return;
+                                              sum += power_w[at];
+                                              ++count;
+                                          });
+                                          found[k] = count > 0 ? sum / count : -1;
+                                      }
+                                  });
         for (std::size_t k = 0; k < holes.size(); ++k) {
+            waits[holes[k]] = found[k] < 0 ? 1 : 0;
             power_w[holes[k]] = found[k];
-            if (found[k] < 0) holes[left++] = holes[k];
         }
-        if (left == holes.size()) return;
-        holes.resize(left);
+        next.clear();
+        for (const std::uint32_t hole : holes) {
+            if (power_w[hole] < 0) continue;
+            for_each_round(hole, frame, [&](std::size_t at) {
+                if (!waits[at]) return;
+                waits[at] = 0;
+                next.push_back(static_cast<std::uint32_t>(at));
+            });
+        }
     }
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "lib/display.hpp"
+#include "lib/stop.hpp"
 
 namespace wedgescope {
 
@@ -17,11 +18,12 @@ std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySett
 
 /// Gives each of these holes (places in `power_w`, row after row) the mean, in watts, of those of the eight pixels round it that
 /// are no holes; then again, until none of them is left or none has such a neighbour. What is filled in one pass counts from
-/// the next one on, so no order shows. Pixels that are no holes stay as they are.
-void fill_holes(std::vector<double>& power_w, const Frame& frame, std::vector<std::uint32_t> holes);
+/// the next one on, so no order shows. Pixels that are no holes stay as they are. Interrupted, where `stop` says so.
+void fill_holes(std::vector<double>& power_w, const Frame& frame, std::vector<std::uint32_t> holes,
+                const Stop* stop = nullptr);
 
 /// What they hold at the most.
 inline constexpr std::size_t paint_bytes_a_pixel = sizeof(double) + sizeof(std::uint32_t);
-inline constexpr std::size_t fill_bytes_a_pixel = sizeof(double) + sizeof(std::uint32_t) + sizeof(double);
+inline constexpr std::size_t fill_bytes_a_pixel = 2 * sizeof(double) + 2 * sizeof(std::uint32_t) + sizeof(std::uint8_t);
 
 }  // namespace wedgescope

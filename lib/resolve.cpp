@@ -506,7 +506,7 @@ std::optional<std::array<IndexPosition, 2>> metre_on_grid(const ResolvedScene& s
         double lat = 0, lon = 0;
         GeographicLib::Geodesic::WGS84().Direct(s.lat_deg, s.lon_deg, north ? 0 : 90, far_m, lat, lon);
         const IndexPosition there = db.locate(lat, lon);
-        metre[north] = {(there.column - s.nadir.column) / far_m, (there.row - s.nadir.row) / far_m};
+        metre[north] = {db.columns_between(s.nadir.column, there.column) / far_m, (there.row - s.nadir.row) / far_m};
         if (!std::isfinite(metre[north].column) || !std::isfinite(metre[north].row)) return std::nullopt;
     }
     return metre;

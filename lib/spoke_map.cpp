@@ -42,8 +42,7 @@ public:
         double lat = 0, lon = 0;
         line_.Position(arc_m, lat, lon);
         const IndexPosition p = data_base_.locate(lat, lon);
-        double columns = p.column - params_.nadir.column;
-        if (data_base_.cyclic) columns = std::remainder(columns, static_cast<double>(data_base_.cycle_columns));
+        const double columns = data_base_.columns_between(params_.nadir.column, p.column);
         const double rows = p.row - params_.nadir.row;
         return lines_are_columns(quadrant_) ? std::pair(columns * outward(quadrant_), rows)
                                             : std::pair(rows * outward(quadrant_), columns);
@@ -134,13 +133,8 @@ void SpokeMap::lay_out(const DataBase& data_base) {
             return data_base.locate(lat, lon);
         };
         const IndexPosition n = offset(0), s = offset(180), e = offset(90), w = offset(-90);
-        // Round the circle of longitude a difference is the short way.
-        const auto columns = [&](double difference) {
-            return data_base.cyclic ? std::remainder(difference, static_cast<double>(data_base.cycle_columns))
-                                    : difference;
-        };
-        const double column_per_east = columns(e.column - w.column) / (2 * arm_m);
-        const double column_per_north = columns(n.column - s.column) / (2 * arm_m);
+        const double column_per_east = data_base.columns_between(w.column, e.column) / (2 * arm_m);
+        const double column_per_north = data_base.columns_between(s.column, n.column) / (2 * arm_m);
         const double row_per_east = (e.row - w.row) / (2 * arm_m);
         const double row_per_north = (n.row - s.row) / (2 * arm_m);
         const double det = column_per_east * row_per_north - column_per_north * row_per_east;

@@ -72,7 +72,6 @@ Scan scan_along(const Track& track, std::size_t point, std::int64_t step, double
                 const auto place = [&] {
                     Scene own = whole.scene;
                     own.platform = track.after(whole.scene.platform, point, seconds, x_circle);
-                    own.sector.reset();
                     ResolvedScene there = resolve(own, source);
                     look_at(there, bins);
                     return there;

@@ -50,6 +50,10 @@ struct DataBase {
         const std::int64_t rest = column % cycle_columns;
         return rest < 0 ? rest + cycle_columns : rest;
     }
+    /// How far one column lies from another; round a circle of longitude the short way.
+    double columns_between(double from, double to) const {
+        return cyclic ? std::remainder(to - from, static_cast<double>(cycle_columns)) : to - from;
+    }
     /// Whether a place lies in one of the terrain's cells.
     bool holds(IndexPosition p) const {
         return (cyclic || (p.column >= -0.5 && p.column <= static_cast<double>(columns) - 0.5)) && p.row >= -0.5 &&

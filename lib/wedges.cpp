@@ -70,10 +70,10 @@ void share_out(WedgeTask& task) {
 
 class Wedges {
 public:
-    Wedges(const RunSetting& setting, WedgeSource& source, const Plan& plan, const EngineParams& params, int threads,
-           RunResult& result)
-        : setting_(setting), source_(source), plan_(plan), params_(params), threads_(static_cast<std::size_t>(threads)),
-          result_(result), budget_(params.memory_bytes),
+    Wedges(const RunSetting& setting, WedgeSource& source, std::uint64_t data, const Plan& plan,
+           const EngineParams& params, int threads, RunResult& result)
+        : setting_(setting), source_(source), data_(data), plan_(plan), params_(params),
+          threads_(static_cast<std::size_t>(threads)), result_(result), budget_(params.memory_bytes),
           wanted_(params.only_wedges.value_or(Interval{0, static_cast<std::int64_t>(plan.wedges.size())})) {}
 
     void sweep_all(Threads& threads);
@@ -92,6 +92,8 @@ private:
     void hold(WedgeTask& task, std::size_t bytes);
     bool find(WedgeTask& task);
     void keep(WedgeTask& task);
+    /// DataError where the data base is not what it was when the run began.
+    void check_data() { check_unchanged(source_, data_); }
     void leave(WedgeTask& task);
     double memory_wait_s(Clock::time_point entered);
     void note_memory() const {
@@ -104,6 +106,7 @@ private:
 
     const RunSetting& setting_;
     WedgeSource& source_;
+    const std::uint64_t data_;
     const Plan& plan_;
     const EngineParams& params_;
     std::size_t threads_;
@@ -204,7 +207,9 @@ bool Wedges::find(WedgeTask& task) {
     if (params_.stop) params_.stop->check();
     const ResolvedScene& scene = setting_.scene;
     const std::vector<Window> posts = hull(setting_.grid, task.wedge, scene.nadir_patch.window);
-    // Taken before anything is read: should the data change under the run, what is kept does not fit it any more.
+    // What is read may be older than what is asked for its fingerprint now (a file's reader goes on with the one that it opened,
+    // caches with what they hold): keep() looks whether all is as it was.
+    check_data();
     task.key = {task.report.index, task.report.azimuth_bins, scene.swept.range_bins,
                 source_.fingerprint(posts) ^ checksum(setting_.levels)};
     const auto kept = params_.archive->find(task.key, echo_rows(task), state_rows(task));
@@ -223,6 +228,7 @@ void Wedges::keep(WedgeTask& task) {
     if (!params_.archive || task.report.reused) return;
     Span span(params_.timeline, "keep", "disk", task.key.index);
     const Stopwatch watch;
+    check_data();
     span.add_bytes(echo_rows(task).size_bytes() + state_rows(task).size_bytes());
     params_.archive->keep(task.key, {task.unknown_code, task.report}, echo_rows(task), state_rows(task));
     const std::lock_guard lock(door_mutex_);
@@ -431,9 +437,9 @@ void Wedges::sweep_all(Threads& threads) {
 
 }  // namespace
 
-void sweep_wedges(const RunSetting& setting, WedgeSource& source, const Plan& plan, const EngineParams& params,
-                  int threads, Threads& crew, RunResult& result) {
-    Wedges(setting, source, plan, params, threads, result).sweep_all(crew);
+void sweep_wedges(const RunSetting& setting, WedgeSource& source, std::uint64_t data, const Plan& plan,
+                  const EngineParams& params, int threads, Threads& crew, RunResult& result) {
+    Wedges(setting, source, data, plan, params, threads, result).sweep_all(crew);
 }
 
 }  // namespace wedgescope

@@ -574,4 +574,8 @@ TEST_CASE("a hole takes the mean of its neighbours, pass after pass", "[display]
     CHECK(power[12] == 3.5);  // 5, 2
     CHECK(power[4] == third);
     for (const std::size_t at : {9, 13, 14, 15, 16, 17, 18, 19}) CHECK(power[at] == -1);
+
+    Stop stop;
+    stop.request(15);
+    CHECK_THROWS_AS(fill_holes(power, f, {19}, &stop), Interrupted);
 }

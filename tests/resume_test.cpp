@@ -433,6 +433,53 @@ TEST_CASE("a data base that changes under the run is no picture", "[resume]") {
     CHECK_THROWS_WITH(simulate(small_scene(), source, nullptr), Contains("drawn") && Contains("changed while"));
 }
 
+TEST_CASE("no wedge is kept of a data base that changes under the run, though its reader goes on with the old one",
+          "[resume]") {
+    // As where a file is put in another one's place: who opened it goes on reading what it was, its name leads to what it is.
+    class Replaced : public MemorySource {
+    public:
+        explicit Replaced(int loads) : MemorySource(201, 201, 30, hills), loads_(loads) {}
+        std::uint64_t fingerprint(const std::vector<Window>&) override { return loads_ > 0 ? 1 : 2; }
+        using WedgeSource::load;
+        Chunk load(const ChunkRequest& request) override {
+            --loads_;
+            return MemorySource::load(request);
+        }
+        int loads_left() const { return loads_; }
+
+    private:
+        std::atomic<int> loads_;
+    };
+    class Now : public MemorySource {
+    public:
+        using MemorySource::MemorySource;
+        std::uint64_t fingerprint(const std::vector<Window>&) override { return 2; }
+    };
+    Now now(201, 201, 30, [](double c, double r) { return 0.5 * hills(c, r); });
+    Scene scene = small_scene();
+    scene.platform.altitude_m = 1200;
+    const RunResult truth = simulate(scene, now, nullptr);
+    std::size_t kept = 0;
+    Replaced unchanged(1 << 20);
+    resolve(scene, unchanged);
+    const int to_resolve = (1 << 20) - unchanged.loads_left();
+    simulate(scene, unchanged, nullptr);
+    const int in_all = (1 << 20) - unchanged.loads_left();
+    for (int loads = 2 * to_resolve + 1; loads <= in_all; ++loads) {
+        const Folder folder;
+        const std::string work = folder / "work";
+        Replaced source(loads);
+        CHECK_THROWS_WITH(simulate_in(work, Start::join, scene, source), Contains("changed while"));
+        kept += wedge_files(work);
+        WorkDir other(work, Start::join);
+        other.bind(work_run(resolve(scene, now), now));
+        const RunResult whole = simulate(scene, now, &other);
+        CHECK(reused(whole).empty());
+        CHECK(same(whole, truth));
+    }
+    CHECK(kept > 0);  // those that were through before
+}
+
 TEST_CASE("a wedge comes back as it was kept, from its own scene and data only", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work";

@@ -361,6 +361,34 @@ TEST_CASE("a stop is heard before posts are read", "[source]") {
     CHECK_THROWS_AS(source->bare_terrain_m(5, 5), Interrupted);
 }
 
+TEST_CASE("what stands round a sensor is found on both sides of a circle's seam", "[source]") {
+    const Folder folder;
+    // A degree a post; a plain within ten degrees of the antimeridian, mountains elsewhere.
+    Drawing d;
+    d.columns = 360;
+    d.rows = 40;
+    d.crs = "EPSG:4326";
+    const auto ground = [&](const std::string& name, int west_deg) {
+        d.geotransform = {static_cast<double>(west_deg), 1, 0, 20, 0, -1};
+        d.value = [west_deg](int c, int) { return std::abs((c + west_deg + 360) % 360 - 180) < 10 ? 0 : 9000; };
+        draw(folder / name, d);
+        return open_direct_source(only(folder / name));
+    };
+    const auto at_seam = ground("seam.tif", -180), amid = ground("amid.tif", 0);
+    REQUIRE((at_seam->data_base().cyclic && amid->data_base().cyclic));
+    for (const double lon : {179.996, -179.996, 179.5}) {
+        INFO(lon);
+        Scene scene;
+        scene.platform.latlon = LatLon{0.3, lon};
+        scene.platform.altitude_m = 20000;
+        scene.range_m = 300e3;
+        const ResolvedScene a = resolve(scene, *at_seam), b = resolve(scene, *amid);
+        CHECK(a.clearance_m == b.clearance_m);
+        CHECK(a.clearance_m == Approx(20000));
+        CHECK(a.roughness == b.roughness);
+    }
+}
+
 TEST_CASE("columns of a cylindrical projection go on across the antimeridian", "[source]") {
     const Folder folder;
     Drawing d;

@@ -24,7 +24,8 @@ using Catch::Matchers::Contains;
 
 TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[track][long]") {
     const auto hills = rolling(300, 40, 11);
-    MemorySource source(201, 201, 60, [&](double c, double r) { return 200 + hills(c, r); });
+    // Behind the sector across north mountains as high as the sensor, which ask for more spokes.
+    MemorySource source(201, 201, 60, [&](double c, double r) { return 200 + hills(c, r) + (r > 110 ? 500 : 0); });
     Scene s = plane_scene(6010, -5980);
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
     s.azimuth_bins.reset();
