@@ -179,7 +179,7 @@ ClassLaws ClassLaws::areas(const std::vector<bool>& ground, const std::vector<bo
     for (std::size_t id = 0; id < gamma.size(); ++id) gamma[id].wall = walls.at(id) ? 1 : 0;
     ClassLaws laws(std::move(gamma));
     if (std::find(ground.begin(), ground.end(), true) == ground.end()) return laws;
-    static const BackscatterTable unit(BackscatterLaw([](Angle) { return 1.0; }, least_grazing)),
+    static const BackscatterTable unit(BackscatterLaw([](Angle) { return 1.0; }, least_area_grazing)),
         none(BackscatterLaw::constant_gamma(0));
     std::vector<BackscatterTable> tables;
     for (const bool some : ground) tables.push_back(some ? unit : none);

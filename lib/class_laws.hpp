@@ -47,6 +47,9 @@ bool may_be_windy(const ClassLawParams& params);
 /// return by two bounces [P] (physics "Rain volume echo").
 inline constexpr Decibel circular_loss{3}, circular_wall_loss{0.5};
 
+/// Down to it areas are known to 0.01 dB; a level surface is met so flat from a metre up at 57 km.
+inline constexpr Angle least_area_grazing = Angle::degrees(0.001);
+
 /// Factors sigma0 / sin(grazing) of each class: constants, or tables over law_variable() of the local grazing angle.
 class ClassLaws {
 public:
@@ -57,7 +60,7 @@ public:
     /// Factors of these laws for the ground and the walls of some classes, the others return nothing; most() stays. Both as
     /// many as there are classes.
     ClassLaws only(const std::vector<bool>& ground, const std::vector<bool>& walls) const;
-    /// The ground of these classes returns its area, sigma0 = 1 (below 0.05 degrees of grazing less), their walls the area
+    /// The ground of these classes returns its area, sigma0 = 1 (below `least_area_grazing` less), their walls the area
     /// that they show, gamma = 1; the others return nothing. Both as many as there are classes.
     static ClassLaws areas(const std::vector<bool>& ground, const std::vector<bool>& walls);
 

@@ -263,8 +263,19 @@ private:
     void change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, const Between& between, Samples& next);
     /// A sample that is void, or follows a gap.
     void change_by_void(std::size_t lane, std::size_t i, const Between& between, const Samples& next);
-    /// Part u of the way from now to next.
-    PieceEnd point_of_piece(std::size_t i, Samples& next, double u);
+    /// Of one spoke, from where it is to where it is next.
+    struct Way {
+        SampleLanes from, to;
+        double bump_m;        // of its middle over the straight way
+        double bins_a_metre;  // of range; 0: bins count ground range
+        double up_m(double u) const { return linear(*from.up_m, *to.up_m, u) + raised_m(u); }
+        double raised_m(double u) const { return bump_m * 4 * u * (1 - u); }
+        /// Part u of it.
+        PieceEnd at(double u) const {
+            const double up = up_m(u), out = linear(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
+            return {u, range, up / range, bins_a_metre > 0 ? range * bins_a_metre : linear(*from.x, *to.x, u)};
+        }
+    };
     /// What becomes of the visible part of that way, from `begin` of it up to `last`, which is the horizon then.
     void rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
               const PieceEnd& last, double bow);
@@ -276,7 +287,7 @@ private:
 
     /// law_variable() of the facet of sample i's piece from `begin` to `end` of the way, of a lane, into facet_[0]; only where
     /// laws need it.
-    void find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end);
+    void find_facet(std::size_t i, std::size_t lane, const Way& way, double begin, double end);
     /// W per radian of azimuth of a piece with backscatter 1, as it arrives.
     double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
     /// Plain pieces of a tile's samples, where `code` is 1.

@@ -35,18 +35,20 @@ void halve(PieceEnd a, const PieceEnd& b, const Together& together, const Point&
 
 }  // namespace
 
-void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end) {
+void Front::find_facet(std::size_t i, std::size_t lane, const Way& way, double begin, double end) {
     if (!needs_facets_) return;
-    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
     struct End {
         double part, minor, arc, height, up, out;
         SampleLanes lanes() { return {&part, &minor, &arc, &height, &up, &out, nullptr, nullptr, nullptr}; }
     };
     const auto end_at = [&](double u) {
-        const double raised = bump_[i] * 4 * u * (1 - u);
-        return End{linear(*from.part, *to.part, u),          linear(*from.minor, *to.minor, u),
-                   linear(*from.arc_m, *to.arc_m, u),        linear(*from.height_m, *to.height_m, u) + raised,
-                   linear(*from.up_m, *to.up_m, u) + raised, linear(*from.out_m, *to.out_m, u)};
+        const auto& [from, to, bump_m, bins] = way;
+        return End{linear(*from.part, *to.part, u),
+                   linear(*from.minor, *to.minor, u),
+                   linear(*from.arc_m, *to.arc_m, u),
+                   linear(*from.height_m, *to.height_m, u) + way.raised_m(u),
+                   way.up_m(u),
+                   linear(*from.out_m, *to.out_m, u)};
     };
     End first = end_at(begin), last = end_at(end);
     facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
@@ -60,13 +62,6 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
            scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
 }
 
-PieceEnd Front::point_of_piece(std::size_t i, Samples& next, double u) {
-    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
-    const double up = linear(*from.up_m, *to.up_m, u) + bump_[i] * 4 * u * (1 - u),
-                 out = linear(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
-    return {u, range, up / range, scene_->range_is_ground ? linear(*from.x, *to.x, u) : range * bins_per_metre_};
-}
-
 Front::Track Front::track(std::size_t i, const Between& between, const Samples& next, const PieceEnd& a,
                           const PieceEnd& b) const {
     return {between.major(linear(now_.part[i], next.part[i], a.part)), linear(now_.minor[i], next.minor[i], a.part),
@@ -75,9 +70,10 @@ Front::Track Front::track(std::size_t i, const Between& between, const Samples& 
 
 void Front::rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
                  const PieceEnd& last, double bow) {
-    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    const Way way{now_.lanes(i), next.lanes(i), bump_[i], scene_->range_is_ground ? 0 : bins_per_metre_};
+    const auto& [from, to, bump_m, range_bins] = way;
     double& horizon = lanes_.horizon[lane];
-    PieceEnd first = begin > 0 ? point_of_piece(i, next, begin) : PieceEnd{0, *from.range_m, horizon, *from.x};
+    PieceEnd first = begin > 0 ? way.at(begin) : PieceEnd{0, *from.range_m, horizon, *from.x};
     first.sine = horizon;
     ++cost_.pieces;
     const bool own = lanes_.row[lane] >= 0;
@@ -85,7 +81,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
     double near = std::min(first.x, last.x), far = std::max(first.x, last.x);
     if (own || shore_) {
         const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
-            find_facet(i, lane, next, a.part, b.part);
+            find_facet(i, lane, way, a.part, b.part);
             const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
                          fall =
                              echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->range_is_ground);
@@ -95,8 +91,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                  a.sine,
                  b.sine,
                  facet_[0],
-                 &from,
-                 &to,
+                 &way.from,
+                 &way.to,
                  a.part,
                  b.part},
                 between);
@@ -106,20 +102,19 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         const bool from_below = *from.arc_m == 0;
         const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double otherwise) {
             if (!from_below) return otherwise;
-            const PieceEnd middle = point_of_piece(i, next, 0.5 * (a.part + b.part));
-            const double power = (middle.sine - a.sine) / (b.sine - a.sine), way = (middle.x - a.x) / (b.x - a.x);
-            if (!(way > 0.1 && way < 0.9)) return otherwise;
-            return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m) +
+            const PieceEnd middle = way.at(0.5 * (a.part + b.part));
+            const double power = (middle.sine - a.sine) / (b.sine - a.sine), gone = (middle.x - a.x) / (b.x - a.x);
+            if (!(gone > 0.1 && gone < 0.9)) return otherwise;
+            return (power - gone) / (gone * (1 - gone)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m) +
                    (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
         };
         const PatternTable& pattern = *scene_->pattern;
         const PatternLobe& lobe = pattern.lobe();
         const bool drops = pattern.meets_drop(first.sine, last.sine);
         constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
-        const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m,
-                     range_bins = scene_->range_is_ground ? 0 : bins_per_metre_;
+        const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m;
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
-            const double part = b.part - a.part, bent = bump_[i] * part * part;
+            const double part = b.part - a.part, bent = bump_m * part * part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
                    straight_range(bent, b.sine, range_bins) &&
                    !turns_in_range(across * part, b.range_m, bent, b.sine, (b.range_m - a.range_m) * range_bins,
@@ -130,7 +125,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         };
         if (!together(first, last, most_range_ratio))
             halve(
-                first, last, together, [&](double u) { return point_of_piece(i, next, u); },
+                first, last, together, [&](double u) { return way.at(u); },
                 [&](const PieceEnd& a, const PieceEnd& b) {
                     deposit(a, b, bend(a, b, 0));
                     near = std::min({near, a.x, b.x});

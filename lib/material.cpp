@@ -214,11 +214,11 @@ public:
         finish_soil();
         finish_structures();
         if (row_.directivity != Directivity::omni && sided_ && !axis_)
-            throw InputError(text(where_, ": '", row_.name, "' is ", word(row_.directivity),
+            throw InputError(text(where_, ": ", in_quotes(row_.name), " is ", word(row_.directivity),
                                   " without an axis_deg; it needs the azimuth of its reflecting side"));
         // Without gamma it is water to every model, whatever stands on it.
         if (row_.gamma10_db || !(row_.ulaby_dobson || row_.bare_soil)) return;
-        throw InputError(text(where_, ": '", row_.name, "' has ",
+        throw InputError(text(where_, ": ", in_quotes(row_.name), " has ",
                               row_.ulaby_dobson ? "an ulaby_dobson" : "a soil_permittivity",
                               " and no gamma10_db; a class without gamma10_db is water"));
     }
@@ -265,7 +265,7 @@ private:
     }
 
     [[noreturn]] void refuse(Column column, std::string_view cell, const std::string& accepted) const {
-        throw InputError(text(where_, ": ", columns[column], " is '", cell, "'; it must be ", accepted));
+        throw InputError(text(where_, ": ", columns[column], " is ", in_quotes(cell), "; it must be ", accepted));
     }
     std::optional<double> number(Column column, std::string_view cell, double low, double high,
                                  const char* unit) const {
@@ -319,17 +319,18 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         if (is_first)
             for (std::size_t i = 1; i < cells.size(); ++i)
                 if (same_letters(cells[i], columns[name]))
-                    fail("column ", i + 1, " is '", cells[i], "', which must be the first; accepted: ", column_names());
+                    fail("column ", i + 1, " is ", in_quotes(cells[i]),
+                         ", which must be the first; accepted: ", column_names());
         if (is_first && same_letters(cells.front(), columns[name])) {
             order.clear();
             for (const std::string_view cell : cells) {
                 const auto at = std::find_if(columns.begin(), columns.end(),
                                              [&](const char* column) { return same_letters(cell, column); });
                 if (at == columns.end())
-                    fail("column ", order.size() + 1, " is '", cell, "'; accepted: ", column_names());
+                    fail("column ", order.size() + 1, " is ", in_quotes(cell), "; accepted: ", column_names());
                 const auto column = static_cast<Column>(at - columns.begin());
                 if (std::find(order.begin(), order.end(), column) != order.end())
-                    fail("column ", order.size() + 1, " is '", cell, "', and so is one before");
+                    fail("column ", order.size() + 1, " is ", in_quotes(cell), ", and so is one before");
                 order.push_back(column);
             }
             continue;
@@ -337,14 +338,14 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         if (cells.size() > order.size()) fail("there are ", cells.size(), " columns; accepted: at most ", order.size());
         const std::string_view word = cells.front();
         if (!is_word(word))
-            fail("name is '", word, "'; it must be a word of at most ", Materials::longest_name,
+            fail("name is ", in_quotes(word), "; it must be a word of at most ", Materials::longest_name,
                  " letters, digits, - and _ that begins with a letter");
         std::optional<ClassId> id = row_named(rows, word);
         if (!named.emplace(id ? rows[*id].name : std::string(word)).second)
-            fail("'", word, "' has a row already; each class may have one");
+            fail(in_quotes(word), " has a row already; each class may have one");
         if (!id) {
             if (rows.size() == Materials::most)
-                fail("'", word, "' is one class too many; accepted: ", Materials::most, " with the shipped ones");
+                fail(in_quotes(word), " is one class too many; accepted: ", Materials::most, " with the shipped ones");
             rows.push_back({std::string(word), {}, {}});
             id = static_cast<ClassId>(rows.size() - 1);
         }
@@ -395,7 +396,7 @@ Materials Materials::with(const Material& row) const {
     } else {
         if (rows.size() == most)
             throw InputError(
-                text("'", row.name, "' is one class too many; accepted: ", most, " with the shipped ones"));
+                text(in_quotes(row.name), " is one class too many; accepted: ", most, " with the shipped ones"));
         rows.push_back(row);
     }
     Materials out;
@@ -418,7 +419,7 @@ std::optional<ClassId> Materials::find(std::string_view name) const { return row
 
 ClassId Materials::by_name(const std::string& key, std::string_view name) const {
     if (const std::optional<ClassId> id = find(name)) return *id;
-    throw InputError(text(key, " is '", name, "'; it must be one of ", words()));
+    throw InputError(text(key, " is ", in_quotes(name), "; it must be one of ", words()));
 }
 
 std::string Materials::words() const {
@@ -481,21 +482,21 @@ Legend Legend::from_csv(const std::string& source, const std::string& content, c
             throw InputError(text(source, ", line ", number, ": ", what));
         };
         const std::size_t comma = line.find(',');
-        if (comma == std::string_view::npos) fail(text("'", line, "' has no comma; a line is code,material"));
+        if (comma == std::string_view::npos) fail(text(in_quotes(line), " has no comma; a line is code,material"));
         const std::string_view code_text = trimmed(line.substr(0, comma));
         const std::string_view name = trimmed(line.substr(comma + 1));
         const std::optional<int> code = integer(code_text);
         if (!code) {
             // A header has words on both sides; a mistyped code stands beside a material.
             if (header_allowed && !materials.find(name) && !integer(name)) continue;
-            fail(text("code is '", code_text, "'; it must be a whole number"));
+            fail(text("code is ", in_quotes(code_text), "; it must be a whole number of 32 bits"));
         }
         std::optional<ClassId> id = materials.find(name);
         const std::optional<int> number_of_class = integer(name);
         if (!id && number_of_class && *number_of_class >= 0 && std::cmp_less(*number_of_class, materials.size()))
             id = static_cast<ClassId>(*number_of_class);
         if (!id)
-            fail(text("material is '", name, "'; it must be one of ", materials.words(),
+            fail(text("material is ", in_quotes(name), "; it must be one of ", materials.words(),
                       ", or a class number from 0 to ", materials.size() - 1, " (class-table adds others)"));
         if (!classes.emplace(*code, *id).second)
             fail(text("code ", *code, " has a line already; each code may have one"));

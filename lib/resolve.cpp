@@ -297,7 +297,7 @@ ResolvedScene resolve_place(const Scene& scene, WedgeSource& given) {
         throw InputError(text("geometry is grid; '", db.name,
                               "' is in degrees, and grid geometry needs metres (give geometry geodesic)"));
     locate(s, db);
-    if (s.geometry == Geometry::geodesic && 90 - std::abs(s.lat_deg) < 1.0 / 111000)
+    if (s.geometry == Geometry::geodesic && is_at_pole(s.lat_deg))
         throw InputError(text("the sensor is within 1 m of a pole; geodesic geometry has no azimuth there (",
                               db.crs_in_metres ? "give geometry grid, or " : "give ", "a place farther off)"));
     stand(s, source);

@@ -384,6 +384,9 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
             {"'store/wedges.spill'", "latitude 33.950000, longitude -117.330000", "--overwrite"});
     CHECK(content(folder.work() / "store/wedges.spill") == whole_one);
     CHECK(folder.run({"tile", "store", "--around", "33.950001,-117.33"}).code == 0);
+    for (const char* pole : {"90,180", "-89.9999999,0"})
+        refuses(folder, {"tile", "store/dem.vrt", "other", "--around", pole}, 2,
+                {"--around is ", "within 1 m of a pole", "accepted: a place farther off"});
     CHECK(folder.run({"tile", "store", "--around", "33.93,-117.33", "--overwrite"}).code == 0);
     REQUIRE(simulate("33.93,-117.33", {}).code == 0);
     CHECK(report()["source"]["kept"] == "store/wedges.spill");

@@ -343,6 +343,11 @@ TEST_CASE("the other models of land and sea, worked by hand", "[evaluate][quick]
     // Scenes take NRL up to 60 degrees.
     CHECK(value("sea", "f=16.5GHz pol=vv SS=3 psi=20deg", "sigma0_dB") ==
           value("nrl-sea", "f=16.5GHz pol=vv SS=3 psi=20deg", "sigma0_dB"));
+    // Below that as scenes have it: in proportion to the sine; and a sea without waves returns nothing.
+    CHECK_THAT(value("sea", "f=16.5GHz pol=vv SS=3 psi=0.1deg", "sigma0") /
+                   value("sea", "f=16.5GHz pol=vv SS=3 psi=0.01deg", "sigma0"),
+               WithinRel(10, 1e-5));
+    CHECK_THAT(Folder().run({"sea", "f=16.5GHz", "SS=0", "psi=80deg"}).out, Contains("sigma0 = 0\n"));
     const auto waves = values("sea-state", "SS=3");
     const double wind = 3.16 * std::pow(3, 0.8);
     CHECK_THAT(waves.at("V").number, WithinRel(wind, 1e-14));
@@ -359,6 +364,7 @@ TEST_CASE("the other models of land and sea, worked by hand", "[evaluate][quick]
     const auto shore = values("far-shore", "f=16.5GHz psi=0.05deg h_b=2m");
     CHECK_THAT(shore.at("F4").number, WithinAbs(6, 0.01));
     CHECK_THAT(shore.at("d_w").number, WithinRel(2 / std::tan(rad(0.05)), 1e-12));
+    CHECK_THAT(value("far-shore", "f=16.5GHz psi=0.01deg h_b=2m", "d_w"), WithinRel(2 / std::tan(rad(0.01)), 1e-12));
     CHECK(value("far-shore", "f=16.5GHz psi=5deg sigma_h=1m", "F4") == 1);
     // GIT's wind and waves are those of the sea state unless they are given.
     CHECK_THAT(value("git-sea", "f=9GHz SS=1 psi=2deg V=9.579329m/s h_av=1.283737m", "sigma0_dB"),
@@ -598,8 +604,13 @@ TEST_CASE("the rain's echo is the radar equation of what a level beam holds", "[
     const double extent = 299792458 * 0.5e-6 / 2;
     CHECK_THAT(echo.at("P_r").number, WithinRel(expected * r * extent / (r - extent), 3e-3));
     CHECK_THAT(echo.at("P_r_dBm").number, WithinAbs(10 * std::log10(echo.at("P_r").number) + 30, 1e-9));
-    CHECK_THAT(values("rain-volume", set + "r=20km pol=circular").at("p_r").number,
+    CHECK_THAT(values("rain-volume", set + "r=20km pol=circular t_pol=0deg").at("p_r").number,
                WithinRel(echo.at("p_r").number * std::pow(10, -1.8), 1e-6));
+    // What rain takes of circular polarisation is what it takes at 45 degrees, as in scenes.
+    const std::string heavy = "R=heavy f=16.5GHz hs=2km r=20km ";
+    CHECK(value("rain-volume", heavy + "pol=circular", "P_r") ==
+          value("rain-volume", heavy + "pol=circular t_pol=45deg", "P_r"));
+    CHECK(value("rain-volume", heavy, "P_r") == value("rain-volume", heavy + "t_pol=0deg", "P_r"));
     const Folder folder;
     CHECK_THAT(folder.run({"rain-volume", "r=20km", "hs=2km", "R=clear"}).out, Contains("\nP_r = 0 W\n"));
     // A table's rows do not hang on each other.

@@ -148,6 +148,23 @@ TEST_CASE("areas are right beside the altitude hole, with any beam and pulse", "
         }
 }
 
+TEST_CASE("areas are right where ground is seen nearly edge-on, by any law", "[budget]") {
+    MemorySource source(601, 601, post_m, [](double, double) { return 100.0; });
+    for (const LandModel land : {LandModel::constant_gamma, LandModel::ulaby_dobson}) {
+        // 0.34 to 0.003 degrees.
+        for (const double above_m : {50.0, 5.0, 0.5}) {
+            INFO(above_m);
+            Scene s = scene_at(300.3, 299.6, 100 + above_m, 8500);
+            s.land = land;
+            const LinkBudget b = budget(s, source, 123, 420);
+            REQUIRE(b.state == State::seen);
+            REQUIRE(b.parts.size() == 1);
+            REQUIRE(b.level_area_m2 > 0);
+            CHECK_THAT(db(b.parts[0].area_m2 / b.level_area_m2), WithinAbs(0, 0.02));
+        }
+    }
+}
+
 TEST_CASE("water that returns nothing is ground all the same", "[budget]") {
     MemorySource source(301, 301, post_m, [](double, double) { return 100.0; });
     source.editable().default_class = material_by_name("material", "water");

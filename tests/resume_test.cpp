@@ -587,9 +587,13 @@ TEST_CASE("damage of any byte of the run's file is named, and the folder not use
         INFO("byte " << i << ": " << bytes.substr(i > 10 ? i - 10 : 0, 20));
         REQUIRE_THROWS_WITH(work.bind(drawn_run), Contains(file) && Contains("damaged"));
     }
-    put(file, whole.substr(0, whole.size() / 2));
-    WorkDir work(path, Start::join);
-    CHECK_THROWS_AS(work.bind(drawn_run), DataError);
+    const std::string deep = std::string(200000, '[') + std::string(200000, ']');
+    for (const std::string& bytes : {whole.substr(0, whole.size() / 2), R"({"checksum":"x","wedges":)" + deep + "}"}) {
+        put(file, bytes);
+        WorkDir work(path, Start::join);
+        CHECK_THROWS_AS(work.bind(drawn_run), DataError);
+        CHECK_FALSE(work.seems_done());
+    }
 }
 
 TEST_CASE("a run's file of other kinds of values is refused as a damaged one, whatever its checksum", "[resume]") {

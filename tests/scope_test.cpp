@@ -368,7 +368,8 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     refuses(folder, {"scope", echo, "--dem", "elsewhere.tif", "-o", png}, 2,
             {"--dem is 'elsewhere.tif'", "the echo image holds what was seen of its data base"});
     folder.write("track.ini", "track = track.csv\n");
-    refuses(folder, {"scope", echo, folder / "track.ini", "-o", png}, 2, {"track", "simulate's alone"});
+    refuses(folder, {"scope", echo, "--track", folder / "track.csv", "-o", png}, 2, {"track", "simulate's alone"});
+    folder.make({"scope", echo, folder / "track.ini", "-o", folder / "of_track.png", "-q"});  // its frame perhaps
     refuses(folder, {"scope", echo, "--culture", "x.tif", "--culture-legend", "nlcd", "-o", png}, 2,
             {"--culture is 'x.tif'", "new sweep"});
     refuses(folder, {"scope", echo, "--material", "water", "-o", png}, 2, {"--material is 'water'", "'soil'"});
@@ -743,8 +744,11 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
         });
         tried(bad, {"bad.tif", "damaged, or was changed", "cells"});
     }
-    changed([](GDALDataset& file) { file.SetMetadataItem("SCENE_JSON", "{\"format\": "); });
-    tried(bad, {"bad.tif", "no JSON object"});
+    const std::string deep = "{\"format\": " + std::string(200000, '[') + std::string(200000, ']') + "}";
+    for (const std::string& words : {std::string("{\"format\": "), deep}) {
+        changed([&](GDALDataset& file) { file.SetMetadataItem("SCENE_JSON", words.c_str()); });
+        tried(bad, {"bad.tif", "no JSON object"});
+    }
     scene_json([](auto& json) { json["format"] = "wedgescope-scene-2"; });
     tried(bad, {"wedgescope-scene-2", "wedgescope-scene-1"});
     scene_json([](auto& json) { json.erase("format"); });

@@ -323,6 +323,17 @@ TEST_CASE("killed just before it is put in place, or just begun, a run goes on",
         fs::create_directory(folder / "store.part");
         std::ofstream(folder / "store.part/plan.json").flush();
     }
+    SECTION("the plan is nothing but brackets") {
+        fs::create_directory(folder / "store.part");
+        std::ofstream(folder / "store.part/plan.json") << std::string(1000000, '[') + std::string(1000000, ']');
+    }
+    SECTION("a sheet's posts never reached the disk") {
+        fs::copy(folder / "whole", folder / "store.part", fs::copy_options::recursive);
+        if (GENERATE(true, false)) fs::remove(folder / "store.part/manifest.json");
+        std::fstream sheet(folder / "store.part/dem/c0_r0.tif", std::ios::in | std::ios::out | std::ios::binary);
+        sheet.seekp(static_cast<std::streamoff>(fs::file_size(folder / "whole/dem/c0_r0.tif") / 2));
+        sheet << std::string(4096, '\0');
+    }
     write_tile_store(params);
     CHECK(contents(folder / "store") == whole);
     CHECK_FALSE(fs::exists(folder / "store.part"));

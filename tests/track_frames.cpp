@@ -359,6 +359,31 @@ TEST_CASE("a run that is done stays done where the machine's limits cannot be me
     CHECK(std::filesystem::exists(folder / "s.png"));
 }
 
+TEST_CASE("a scene file of a track serves one place too, without what it says of the track alone", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    write_track(folder);
+    const std::string of_track = "dem = dem.tif\nrange = 3km\nscan-step = 4\nscan-period = 4s\npower-stack = s.tif\n";
+    std::ofstream(folder / "track.ini") << of_track << "track = track.csv\n";
+    std::ofstream(folder / "place.ini") << of_track << "xy = 468200,3752000\naltitude-msl = 900m\n";
+    const std::vector<std::string> place = {"--xy", "468200,3752000", "--altitude-msl", "900m"};
+    const auto code = [&](const std::vector<std::string>& words) {
+        const Ended ended = run_program(with({program}, words), folder / "log");
+        UNSCOPED_INFO(ended.err);
+        return ended.code;
+    };
+    // The command line's place stands instead of the track.
+    CHECK(code(with({"simulate", folder / "track.ini", "-o", folder / "one.png", "-q"}, place)) == 0);
+    CHECK(std::filesystem::exists(folder / "one.png"));
+    CHECK_FALSE(std::filesystem::exists(folder / "s.tif"));
+    CHECK(code({"info", folder / "place.ini"}) == 0);
+    CHECK(code({"budget", folder / "place.ini", "--at", "0deg,2km"}) == 0);
+    CHECK(code({"budget", folder / "track.ini", "--latlon", "33.9,-117.344", "--altitude-msl", "900m", "--at",
+                "0deg,2km"}) == 0);
+    // Of simulate's own it is asked where the track is.
+    CHECK(code({"simulate", folder / "place.ini", "-o", folder / "two.png"}) == 2);
+}
+
 TEST_CASE("names of all frames are looked at before work begins", "[track][long]") {
     const Folder folder;
     draw_data(folder);

@@ -341,9 +341,10 @@ std::shared_ptr<const GroundMap> GroundMap::make(const DataBaseParams& rasters, 
     const std::array<std::uint64_t, 2> stamps{stamp(rasters.dem), stamp(rasters.culture_height)};
     std::optional<OutputFile> output;
     if (params.keep) output.emplace(kept_path(rasters), true);
-    auto file = output ? std::make_shared<PlainFile>(output->temporary_path(), PlainFile::Use::write)
-                       : std::make_shared<PlainFile>(PlainFile::Unnamed{
-                             params.temp_folder.empty() ? temporary_folder() : params.temp_folder, "the ground map"});
+    auto file = output
+                    ? std::make_shared<PlainFile>(output->temporary_path(), PlainFile::Use::write, output->final_path())
+                    : std::make_shared<PlainFile>(PlainFile::Unnamed{
+                          params.temp_folder.empty() ? temporary_folder() : params.temp_folder, "the ground map"});
     const bool partial = params.posts.has_value();
     const FilePart part{file, header_bytes, false};
     const FilePart after{file, header_bytes + shape.file_bytes(), false};

@@ -21,7 +21,8 @@ namespace {
 
 }  // namespace
 
-PlainFile::PlainFile(std::string path, Use use) : path_(std::move(path)), named_(in_quotes(path_)) {
+PlainFile::PlainFile(std::string path, Use use, const std::string& becomes)
+    : path_(std::move(path)), named_(in_quotes(becomes.empty() ? path_ : becomes)) {
     file_ = Descriptor(::open(path_.c_str(), (use == Use::read ? O_RDONLY : O_RDWR | O_CREAT) | O_CLOEXEC, 0666));
     if (!file_) fail(named_, "opened");
 }

@@ -12,7 +12,8 @@ namespace wedgescope {
 class PlainFile {
 public:
     enum class Use { read, write };  ///< write: made if it is missing, never cut
-    PlainFile(std::string path, Use use);
+    /// `becomes`: for messages, the name that it will have where that is another.
+    PlainFile(std::string path, Use use, const std::string& becomes = {});
     struct Unnamed {
         std::string folder, what;  ///< what: for messages
     };

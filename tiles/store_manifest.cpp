@@ -15,6 +15,7 @@
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
+#include "tiles/json_text.hpp"
 #include "tiles/plain_file.hpp"
 #include "tiles/tile_store.hpp"
 
@@ -432,7 +433,7 @@ StoreManifest read_manifest(const std::string& folder) {
     const std::string sum = content.substr(found + sum_key.size(), sum_digits);
     content.replace(found + sum_key.size(), sum_digits, sum_digits, '0');
     if (sum != hex(checksum(content))) throw damaged("its content is not what its checksum says");
-    const json all = json::parse(content, nullptr, false);
+    const json all = parsed_json<json>(content);
     if (all.is_discarded()) throw damaged("it is no JSON");
     const Members j(path, all);
     if (const auto format = j.words("format"); format != format_name)
@@ -538,6 +539,7 @@ SheetSums read_sums(const std::string& path, std::optional<std::uint64_t> expect
             return false;
         };
         const auto first = content.begin() + static_cast<std::ptrdiff_t>(words);
+        if (!is_shallow_json({content.data() + words, length})) throw damaged;
         const json head = json::parse(first, first + static_cast<std::ptrdiff_t>(length), count);
         s.columns = head.at("columns").get<std::int64_t>();
         s.rows = head.at("rows").get<std::int64_t>();

@@ -399,7 +399,7 @@ bool StoreWriter::finished_before(const Job& job, Done& done) {
     try {
         const SheetSums sums = read_sums(sums_path, std::nullopt);
         if (sums.columns != posts.columns.size() || sums.rows != posts.rows.size() || sums.tile != params_.tile_posts ||
-            sums.file_bytes != file_bytes(path))
+            sums.file_bytes != file_bytes(path) || sums.file_checksum != file_checksum(path))
             return false;
         if (job.layer->kind == StoreLayerKind::dem) {
             const Window pages = block_pages_of(posts);

@@ -17,6 +17,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/claim.hpp"
+#include "tiles/json_text.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/store_manifest.hpp"
 #include "tiles/tile_store.hpp"
@@ -182,7 +183,7 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
         if (resume && ours) {
             const std::string found = file_text(plan_path, std::size_t{1} << 28);
             // Empty or cut short: nobody knows what of.
-            const bool whole = nlohmann::json::accept(found);
+            const bool whole = is_shallow_json(found) && nlohmann::json::accept(found);
             planned = found == plan;
             if (whole && !planned) {
                 plan_.reset();

@@ -22,6 +22,7 @@
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/claim.hpp"
+#include "tiles/json_text.hpp"
 
 namespace wedgescope {
 namespace {
@@ -295,7 +296,7 @@ bool WorkDir::read_run() {
         return DataError(text("work file '", name,
                               "' is damaged; give another work-dir, or --overwrite without --resume to start over"));
     };
-    json there = json::parse(content, nullptr, false);
+    json there = parsed_json<json>(content);
     if (!there.is_object() || !there.contains("checksum") || !there["checksum"].is_string()) throw damaged();
     const std::string sum = there["checksum"];
     there.erase("checksum");
@@ -440,7 +441,7 @@ bool WorkDir::seems_done() const {
     std::error_code error;
     if (start_ != Start::join || !fs::is_regular_file(file(run_name), error)) return false;
     std::ifstream in(file(run_name), std::ios::binary);
-    const json run = json::parse(in, nullptr, false);
+    const json run = parsed_json<json>(std::string(std::istreambuf_iterator<char>(in), {}));
     if (!run.is_object() || !run.contains("wedges") || run["wedges"].size() < 2) return false;
     for (std::size_t i = 0; i + 1 < run["wedges"].size(); ++i)
         if (!fs::exists(file(wedge_name(static_cast<std::int64_t>(i))), error)) return false;

@@ -149,9 +149,10 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
             "azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out too "
             "high (azimuth-bins {:.0f} or more)",
             step_deg, beam_deg, std::ceil(720 / beam_deg));
-    constexpr double most_rayleigh_hz = 40e9;  // physics 6.4
-    if (const double hz = r.scene.scene.radar.frequency_hz;
-        r.scene.scene.weather.rain_mm_h > 0 && hz >= most_rayleigh_hz)
+    // Physics 6.4; large drops leave Rayleigh's law first.
+    constexpr double strong_mm_h = 20;
+    const double rain_mm_h = r.scene.scene.weather.rain_mm_h, most_rayleigh_hz = rain_mm_h > strong_mm_h ? 30e9 : 40e9;
+    if (const double hz = r.scene.scene.radar.frequency_hz; rain_mm_h > 0 && hz >= most_rayleigh_hz)
         lines[strong_rain] = fmt::format(
             "rain: its own echo is Rayleigh's, good to Ku band and fair to 35 GHz; at {:.3g} GHz it is too strong",
             hz * 1e-9);

@@ -118,11 +118,13 @@ void add_position(Table& t) {
               1, 1000000, [](auto& s) -> auto& { return s.scan_step; }, "off"),
           "off",
           "of a track: so many azimuth bins at a time are seen from where the sensor is then; off: all of them from "
-          "the row's place");
+          "the row's place")
+        .of_track = true;
     t.add("scan-period",
           quantity(
               time, above_to("0s", "100000s"), [](auto& s) -> auto& { return s.scan_period_s; }, "none"),
-          "none", "time of a full turn of the antenna, for scan-step; a row's time is that of the first azimuth");
+          "none", "time of a full turn of the antenna, for scan-step; a row's time is that of the first azimuth")
+        .of_track = true;
 }
 
 void add_look(Table& t) {
@@ -718,7 +720,8 @@ void add_output(Table& t) {
     t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
     t.add("power-stack", path([](auto& s) -> auto& { return s.power_stack; }), "",
           "of a track: the power images of all frames in one GeoTIFF, a band each, beside or instead of numbered "
-          "files; all must have as many bins");
+          "files; all must have as many bins")
+        .of_track = true;
     t.add("states", path([](auto& s) -> auto& { return s.states; }), "",
           "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
     t.add(

@@ -71,6 +71,7 @@ struct Key {
     bool in_scene_file = true;
     bool changes_result = false;                       ///< part of SCENE_JSON: position, look, set, receiver, display
     bool after_echo = false;                           ///< changes_result, but never the echo: receiver, tube, noise
+    bool of_track = false;                             ///< means nothing without a track
     bool of_response = false;                          ///< of coverage only the layer response takes it
     std::string needs_sweep;                           ///< of what changes the echo: why scope cannot change it
     std::function<void(Settings&, const Given&)> set;  ///< InputError

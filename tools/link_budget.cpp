@@ -101,11 +101,16 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
                        b.depression ? fmt::format("; level ground is {:.2f} deg below the axis",
                                                   b.depression->deg() - radar.antenna.tilt.deg())
                                     : std::string()));
-    factor("gases", b.gases, weather.vapour_g_m3.has_value(),
-           fmt::format("both ways, vapour {:.6g} g/m3 at sea level", weather.vapour_g_m3.value_or(0)));
-    factor("rain", b.rain, weather.rain_mm_h > 0, fmt::format("both ways, {:.6g} mm/h", weather.rain_mm_h));
-    factor("cloud", b.cloud, weather.liquid_water_g_m3 > 0,
-           fmt::format("both ways, {:.6g} g/m3", weather.liquid_water_g_m3));
+    const auto weakens = [&](const std::string& name, double ratio, bool on, std::string of) {
+        // Of pieces that are less than a quantum of the sweep nothing is left, of some more less than there was.
+        constexpr double faint_db = -85;
+        if (on && !(ratio > Decibel(faint_db).ratio())) of += "; fainter than the sweep is exact";
+        factor(name, ratio, on, "both ways, " + of);
+    };
+    weakens("gases", b.gases, weather.vapour_g_m3.has_value(),
+            fmt::format("vapour {:.6g} g/m3 at sea level", weather.vapour_g_m3.value_or(0)));
+    weakens("rain", b.rain, weather.rain_mm_h > 0, fmt::format("{:.6g} mm/h", weather.rain_mm_h));
+    weakens("cloud", b.cloud, weather.liquid_water_g_m3 > 0, fmt::format("{:.6g} g/m3", weather.liquid_water_g_m3));
     add("echo", in_dbm(b.echo_w), dbm_unit, "of the ground: transmitter to cloud, added");
     add("rain echo", in_dbm(b.rain_echo_w), dbm_unit, b.rain_echo_w > 0 ? "of the rain itself; adds in watts" : "none");
     add("power", in_dbm(b.power_w), dbm_unit, fmt::format("{:.6g} W, as in simulate --power", b.power_w));

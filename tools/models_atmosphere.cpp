@@ -34,6 +34,12 @@ ModelInput elevation() { return number("el", "deg", "elevation of the ray", -90,
 ModelInput tilt() {
     return number("t_pol", "deg", "tilt of the polarisation (0 H, 90 V, 45 circular)", 0, 90).by_default("0deg");
 }
+/// With `pol`, of which the first is linear.
+ModelInput tilt_by_polarisation() {
+    return number("t_pol", "deg", "tilt of the polarisation (0 H, 90 V; auto: 45 with circular, else 0)", 0, 90)
+        .or_word("auto")
+        .by_default("auto");
+}
 
 WeatherParams weather_params(const Arguments& a) {
     WeatherParams params;
@@ -47,7 +53,7 @@ WeatherParams weather_params(const Arguments& a) {
     params.liquid_water_g_m3 = a["M"];
     params.cloud_base_m = a["h_b"];
     params.cloud_top_m = a["h_c"];
-    params.tilt = a.angle("t_pol");
+    params.tilt = a.word("t_pol") ? Angle::degrees(*a.word("pol") == 1 ? 45 : 0) : a.angle("t_pol");
     return params;
 }
 
@@ -82,7 +88,7 @@ PathLoss loss_of(const Arguments& a) {
 }
 
 /// Of what is not rain's own: gases, and what rain and cloud take.
-std::vector<ModelInput> weather_inputs() {
+std::vector<ModelInput> weather_inputs(const ModelInput& tilt) {
     return {number("rho0", "g/m^3", "water vapour at sea level; none: no gases at all", 0, most_vapour_g_m3)
                 .or_word("none")
                 .or_word("normal")
@@ -92,7 +98,7 @@ std::vector<ModelInput> weather_inputs() {
             number("M", "g/m^3", "liquid water of cloud or fog", 0, 10).by_default("0"),
             number("h_b", "m", "base of the cloud", -1000, 20e3).by_default("0m"),
             number("h_c", "m", "top of the cloud", -1000, 20e3).by_default("1000m"),
-            tilt(),
+            tilt,
             number("k", "", "factor of the earth's mean radius", 0.1, 1e6).or_word("flat").by_default("4/3")};
 }
 
@@ -148,7 +154,7 @@ std::vector<ModelInput> rain_volume_inputs() {
         number("G_0", "dB", "peak gain, one-way", -100, 100).by_default(set.gain),
         number("L_s", "dB", "system losses", 0, 100).by_default(set.losses),
         number("tau", "s", "(compressed) length of the pulse", 1e-10, 1e-3).by_default(set.pulse_s)};
-    for (auto more : {azimuth_pattern_inputs(), elevation_pattern_inputs(), weather_inputs()})
+    for (auto more : {azimuth_pattern_inputs(), elevation_pattern_inputs(), weather_inputs(tilt_by_polarisation())})
         inputs.insert(inputs.end(), more.begin(), more.end());
     return inputs;
 }
@@ -206,7 +212,8 @@ std::vector<Model> air_models() {
         {"cloud",
          "attenuation by cloud or fog, one way, and the permittivity of its water",
          "physics 6.5 [V2: ITU-R P.840-8]",
-         {frequency(200), number("T", "K", "temperature", 200, 350).by_default(280),
+         {frequency(200),
+          number("T", "K", "temperature; below 244 K it falls, which real clouds' does not", 200, 350).by_default(280),
           number("M", "g/m^3", "liquid water (medium fog 0.05, thick fog 0.5)", 0, 10).by_default(medium_fog_g_m3)},
          {{"eps_re", "", "permittivity e'"},
           {"eps_im", "", "loss e''"},
@@ -234,7 +241,9 @@ std::vector<Model> rain_models() {
          },
          "R=heavy f=16GHz t_pol=45deg"},
         {"rain-echo",
-         "radar reflectivity of rain, and what circular polarisation takes of it",
+         "radar reflectivity of rain by Rayleigh, too strong beyond some 35 GHz, and what circular polarisation takes "
+         "of "
+         "it",
          "physics 6.4 [V2; cancellation U, P]",
          {rate(), frequency(1000)},
          {{"Z", "mm^6/m^3", "reflectivity"},
@@ -247,7 +256,8 @@ std::vector<Model> rain_models() {
          },
          "R=2mm/h f=9GHz"},
         {"rain-volume",
-         "what rain itself sends back, after beam and pulse, behind what the weather takes",
+         "what rain itself sends back, after beam and pulse, behind what the weather takes; by Rayleigh, too strong "
+         "beyond some 35 GHz",
          "physics 6.4 [V2; layer, widening and near rain P; cancellation U, P]",
          rain_volume_inputs(),
          {{"p_r", "W/m", "echo of a metre of range"},
@@ -261,7 +271,7 @@ std::vector<Model> rain_models() {
          joined({number("hs", "m", "height of the antenna above sea level", -1000, 1e6),
                  number("delta", "deg", "depression at the antenna, positive down", -90, 90),
                  above("r", "m", "slant range", 0, 1e6), frequency(1000), rate().by_default("clear")},
-                weather_inputs()),
+                weather_inputs(tilt())),
          {{"A_g", "dB", "by gases"},
           {"A_R", "dB", "by rain"},
           {"A_c", "dB", "by cloud"},

@@ -167,7 +167,7 @@ std::vector<Model> land_models() {
          },
          "eps_re=10 eps_im=2 s_rms=0.004m f=9.54GHz psi=55deg"},
         {"git-land",
-         "sigma0 of land by the Georgia Tech model, X band",
+         "sigma0 of land by the Georgia Tech model, X band; made for 20 to 65 degrees of grazing",
          "physics 4.4 [form V1, coefficients U: Currie, Zehner]",
          {one_of("class", "class of the ground", {"soil", "grass", "crops", "trees", "urban", "wet-snow", "dry-snow"}),
           frequency(8, 12), number("sigma_h", "m", "rms height (of soil)", 0, 10).by_default("0m"), held_grazing()},
@@ -177,7 +177,7 @@ std::vector<Model> land_models() {
          },
          "class=grass f=10GHz psi=10deg"},
         {"morchin",
-         "sigma0 of land by Morchin's model",
+         "sigma0 of land by Morchin's model; made for 70 degrees of grazing and more",
          "physics 4.5 [form and wooded hills V1, other rows U]",
          {one_of("class", "class of the ground", {"desert", "farmland", "wooded-hills", "mountains"}),
           frequency(0.3, 8), held_grazing()},
@@ -211,7 +211,7 @@ std::vector<Model> sea_models() {
          },
          "f=3.2GHz pol=hh SS=4 psi=2deg"},
         {"git-sea",
-         "sigma0 of the sea by wind direction, small grazing angles; sea state 0 returns nothing",
+         "sigma0 of the sea by wind direction; made for 0.1 to 10 degrees of grazing; sea state 0 returns nothing",
          "physics 5.2 [V2: Horst, Dyer & Tuley 1978]",
          {frequency(1, 100), polarisation(), sea_state(), held_grazing(15),
           number("phi", "deg", "look direction minus upwind", -360, 360).by_default("90deg"),
@@ -248,14 +248,17 @@ std::vector<Model> sea_models() {
          },
          "Gamma_0=0.6 mss=0.03 psi=80deg"},
         {"sea",
-         "sigma0 of the sea as scenes take it: NRL from 0.1 (below as there) to 60 degrees of grazing, quasi-specular "
-         "above",
+         "sigma0 of the sea as scenes take it: NRL from 0.1 (below in proportion to the sine) to 60 degrees of "
+         "grazing, "
+         "quasi-specular above; sea state 0 returns nothing",
          "physics 5.1, 5.4 [V2; joint P]",
          {frequency(0.5, 35), polarisation(), sea_state(), grazing(), temperature().by_default(Water{}.temperature_c),
           salinity().by_default(Water{}.salinity_ppt)},
          sigma0_outputs(),
          [](const Arguments& a) -> std::vector<double> {
-             return both(sea_sigma0(a["f"], polarisation_of(a), a["SS"], water_of(a), a.angle("psi")));
+             const Angle psi = a.angle("psi");
+             const double factor = sea_nrl_law(a["f"], polarisation_of(a), a["SS"], water_of(a)).factor(psi);
+             return both(Decibel::from_ratio(factor * std::sin(psi.rad())));
          },
          "f=16.5GHz SS=3 psi=5deg"},
         {"sea-state",
@@ -276,7 +279,7 @@ std::vector<Model> sea_models() {
         {"far-shore",
          "how water in front of a bank brightens it, and how much water that takes",
          "physics 5.3 [derived there]",
-         {frequency(0.5, 40), polarisation(), held_grazing(),
+         {frequency(0.5, 40), polarisation(), grazing(),
           number("sigma_h", "m", "rms height of the water's surface", 0, 10).by_default("0m"),
           number("h_b", "m", "height of the bank", 0, 1000).by_default("5m"),
           temperature().by_default(fresh_water.temperature_c), salinity().by_default(fresh_water.salinity_ppt)},

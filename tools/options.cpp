@@ -25,6 +25,15 @@ std::string name_beside(const Given& given) {
 }
 
 /// Those of the scene file that the command line does not replace, and then its own.
+bool has_track(const std::vector<Given>& all) {
+    return std::any_of(all.begin(), all.end(), [](const Given& given) { return given.key == "track"; });
+}
+
+/// What a scene file says of its track alone, where another place stands instead or none is taken.
+void leave_out_track_keys(std::vector<Given>& all) {
+    std::erase_if(all, [](const Given& given) { return !given.folder.empty() && find_key(given.key)->of_track; });
+}
+
 std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     const auto refuse_two = [](const std::vector<Given>& from) {
         for (std::size_t i = 0; i < from.size(); ++i) {
@@ -56,6 +65,7 @@ std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vecto
         });
         if (!replaced) all.push_back(from_file);
     }
+    if (has_track(scene_file) && !has_track(all) && !has_track(command_line)) leave_out_track_keys(all);
     all.insert(all.end(), command_line.begin(), command_line.end());
     return all;
 }
@@ -149,6 +159,7 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
                          [&](const Given& given) { return says(given, one); }))
             command_line.push_back(one);
     std::vector<Given> given = merged(scene_file, command_line);
+    if (command != command_simulate && !has_track(given)) leave_out_track_keys(given);
     // Of tile's and coverage's paths the last is an output.
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
     std::vector<std::string> stores = files;
@@ -169,6 +180,7 @@ bool names_scene(std::string_view path) {
 
 Settings parse_scene_file(const std::string& path) {
     std::vector<Given> given = merged(read_scene_file(path), {});
+    if (!has_track(given)) leave_out_track_keys(given);
     add_store_defaults(given, {});
     return settings_of(given);
 }
@@ -184,6 +196,8 @@ ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
         throw InputError(text("scope takes an echo image and at most one scene file; found ", files.size(), " paths"));
     std::vector<Given> scene_file;
     if (files.size() == 2) scene_file = read_scene_file(files[1], "");
+    // The echo image knows where its sensor was, be it a frame of that track.
+    std::erase_if(scene_file, [](const Given& given) { return given.key == "track"; });
     request.given = with_set(merged(scene_file, command_line));
     request.settings = settings_from({}, request.given);
     request.settings.files = files;

@@ -6,6 +6,7 @@
 
 #include "lib/detail.hpp"
 #include "lib/wedge_archive.hpp"
+#include "tiles/json_text.hpp"
 #include "tools/options.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/units.hpp"
@@ -50,7 +51,9 @@ public:
     }
     bool has(const char* key) const { return object_.contains(key); }
     [[noreturn]] void refuse(const char* key, const char* what) const {
-        throw DataError(text("echo image ", in_quotes(path_), " is damaged, or was changed: ", name_, key,
+        std::string name = name_ + key;
+        if (name.ends_with('.')) name.pop_back();  // itself
+        throw DataError(text("echo image ", in_quotes(path_), " is damaged, or was changed: ", name,
                              " of its SCENE_JSON is not ", what));
     }
 
@@ -176,7 +179,7 @@ ResolvedScene place_in(const Member& resolved, const Member& echo) {
 StoredEcho stored_echo(const std::string& path, const std::string& scene_json, std::int64_t columns,
                        std::int64_t rows) {
     const std::string named = text("echo image ", in_quotes(path));
-    const json all = json::parse(scene_json, nullptr, false);
+    const json all = parsed_json<json>(scene_json);
     if (all.is_discarded() || !all.is_object())
         throw DataError(text(named, " is damaged, or was changed: its SCENE_JSON is no JSON object"));
     const Member top(path, all, "");
@@ -255,7 +258,7 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
         }
         if (!key.changes_result) {
             // Of a scene file that simulate takes: how it sweeps, and what else it writes.
-            if (in_file && key.name != "track") continue;
+            if (in_file) continue;
             throw InputError(text(g.origin,
                                   key.commands == command_simulate ? " is simulate's alone" : " is not for scope",
                                   "; scope sweeps nothing, and makes one picture of ", in_quotes(echo.path)));

@@ -5,6 +5,7 @@
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
+#include "tools/terminal.hpp"
 
 namespace wedgescope {
 namespace {
@@ -162,8 +163,9 @@ void TableReader::read_header() {
 bool TableReader::next_row() {
     if (!rows_.next()) return false;
     if (rows_.cells().size() != columns_.size())
-        throw InputError(text(rows_.subject(), ", line ", rows_.line(), " has ", rows_.cells().size(),
-                              " columns; accepted: ", columns_.size(), ", as many as are named"));
+        throw InputError(text(rows_.subject(), ", line ", rows_.line(), " has ",
+                              counted(rows_.cells().size(), "column"), "; accepted: ", columns_.size(),
+                              ", as many as are named"));
     return true;
 }
 

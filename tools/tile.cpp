@@ -42,8 +42,9 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
     options.stop = &stop;
     Progress progress(settings.quiet);
     options.progress = [&](double fraction) { progress.report(fraction); };
-    const auto words = text("; the store ", in_quotes(store), " is whole, and tile --around ", settings.around->lat_deg,
-                            ",", settings.around->lon_deg, " ", store, " keeps the spill");
+    const std::string place = text("--around ", settings.around->lat_deg, ",", settings.around->lon_deg),
+                      words = text("; the store ", in_quotes(store), " is whole, and tile ", place, " ", store,
+                                   " keeps the spill");
     try {
         keep_spill(params, point, store, options);
     } catch (const Interrupted& e) {
@@ -52,9 +53,18 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
         throw IoError(e.what() + words);
     } catch (const TooLittleMemory& e) {
         throw InputError(e.what() + words);
+    } catch (const InputError& e) {
+        throw InputError(text(place, ": ", e.what(), "; the store ", in_quotes(store), " is whole"));
     }
     progress.done();
     return now_s() - start_s;
+}
+
+/// What is known of the point before a store is made.
+void check_around(const Settings& settings) {
+    if (settings.around && is_at_pole(settings.around->lat_deg))
+        throw InputError(text("--around is ", settings.around->lat_deg, ",", settings.around->lon_deg,
+                              ", within 1 m of a pole, where there is no azimuth; accepted: a place farther off"));
 }
 
 /// The store is replaced with all that lies in it.
@@ -244,6 +254,7 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     const double start_s = now_s();
     const Settings settings = parse_arguments(command_tile, arguments);
     if (settings.help) return print(help_text(command_by_name("tile")));
+    check_around(settings);
     if (adds_to_store(settings)) {
         for (const auto& [key, path] : {std::pair{"culture", &settings.culture},
                                         {"culture-height", &settings.culture_height},
