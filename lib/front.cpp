@@ -247,11 +247,11 @@ LinePosts Front::line_of(const Chunk& chunk, const RawVector<float>& layer, std:
     return {layer.data() + line * minor.size(), minor.begin, minor.end};
 }
 
-void Front::stand_on(std::int64_t index, const Chunk* chunk, Between& between) const {
-    between.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
-    between.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
-    between.behind_major = static_cast<double>(index);
-    between.adjacent = true;
+void Front::stand_on(std::int64_t index, const Chunk* chunk) {
+    between_.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
+    between_.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
+    between_.behind_major = static_cast<double>(index);
+    between_.adjacent = true;
 }
 
 void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
@@ -266,7 +266,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     }
     if (next_line_ > 0) {
         // Its last line again: the chunk before may not have held all posts that matter now, or had another level.
-        stand_on(scene_->grid->line_index(fan_, next_line_) - outward(quadrant_), chunk, between_);
+        stand_on(scene_->grid->line_index(fan_, next_line_) - outward(quadrant_), chunk);
         sample_line(between_.behind, live_begin_, live_end_, live_begin_, lanes_.last);
     }
     while (!lines.empty() && !finished()) {
@@ -275,7 +275,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
         const Between first = between_;
         for (std::size_t tile = live_begin_; tile < live_end_; tile += tile_lanes) {
             between_ = first;
-            advance_tile(part, chunk, tile, std::min(live_end_, tile + tile_lanes), between_);
+            advance_tile(part, chunk, tile, std::min(live_end_, tile + tile_lanes));
         }
         cost_.clock.enter(StageClock::other);
         trim();
@@ -307,7 +307,7 @@ void Front::trim() {
 
 // ---- one tile: neighbouring spokes over the lines of a chunk ----
 
-void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
+void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end) {
     const SpokeGrid& grid = *scene_->grid;
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
@@ -324,32 +324,32 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         while (to > from && is(to - 1, mode_done)) --to;
         if (skip) copy(to - from, now_, skip, now_, 0);
         const bool unseeing =
-            leaps_ && from < to && between.adjacent && none_sees(to - from, lanes_.mode.data() + from);
+            leaps_ && from < to && between_.adjacent && none_sees(to - from, lanes_.mode.data() + from);
         for (bool again = unseeing && chunk && line > 0; again && line < lines.end;) {
-            const std::int64_t passed = leap(line, lines.end - 1, *chunk, from, to, between);
+            const std::int64_t passed = leap(line, lines.end - 1, *chunk, from, to);
             again = passed >= line;
             line = passed + 1;
         }
         if (line >= lines.end) break;
         const std::int64_t index = grid.line_index(fan_, line);
-        between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
-        between.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
-        between.ahead_major = static_cast<double>(index);
-        if (from < to) advance_line(grid.distance(fan_, line), between, from, to, unseeing);
-        between.behind = between.ahead;
-        between.behind_culture = between.ahead_culture;
-        between.behind_major = between.ahead_major;
-        between.adjacent = true;
+        between_.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
+        between_.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
+        between_.ahead_major = static_cast<double>(index);
+        if (from < to) advance_line(grid.distance(fan_, line), from, to, unseeing);
+        between_.behind = between_.ahead;
+        between_.behind_culture = between_.ahead_culture;
+        between_.behind_major = between_.ahead_major;
+        between_.adjacent = true;
     }
     cost_.clock.next_turn();
-    put_pieces(between);
+    put_pieces();
     // The spokes' last line, whether they leapt there or not.
-    stand_on(grid.line_index(fan_, lines.end - 1), chunk, between);
-    refresh(between, from, to);
+    stand_on(grid.line_index(fan_, lines.end - 1), chunk);
+    refresh(from, to);
     copy(to - from, now_, 0, lanes_.last, from);
 }
 
-void Front::advance_line(double distance, const Between& between, std::size_t begin, std::size_t end, bool unseeing) {
+void Front::advance_line(double distance, std::size_t begin, std::size_t end, bool unseeing) {
     const SpokeGrid& grid = *scene_->grid;
     const std::size_t n = end - begin;
 
@@ -367,9 +367,9 @@ void Front::advance_line(double distance, const Between& between, std::size_t be
             lanes_.mode[lane] = mode_done;
         }
 
-    if (unseeing && passes_line(between, begin, end)) return;
-    refresh(between, begin, end);
-    if (scene_->sampling.cross_lines && between.adjacent) {
+    if (unseeing && passes_line(begin, end)) return;
+    refresh(begin, end);
+    if (scene_->sampling.cross_lines && between_.adjacent) {
         // Where a bin has many posts, and four of range (a pulse) two.
         joins_ = may_join_ && grid.wide_bins(fan_, distance, level_) && 2 * scene_->range_bin_m >= long_post_m_ * post_;
         for (;;) {
@@ -379,21 +379,21 @@ void Front::advance_line(double distance, const Between& between, std::size_t be
                     crossing_.part.data(), crossing_.minor.data(), crossing_.arc.data()});
             if (crossed == 0) break;
             cost_.samples += static_cast<std::uint64_t>(crossed);
-            if (waiting_ > 0) keep_crossing_again(n, begin, between);
-            take(between, begin, end, true, crossing_);
+            if (waiting_ > 0) keep_crossing_again(n, begin);
+            take(begin, end, true, crossing_);
             if (grid.map().straight()) break;  // |slope| <= 1: one at the most
         }
     }
     std::fill_n(ahead_.part.begin(), n, 1.0);
     cost_.samples += n;
-    take(between, begin, end, false, ahead_);
+    take(begin, end, false, ahead_);
     std::fill_n(now_.part.begin(), n, 0.0);  // of the way to the next line
 }
 
-bool Front::passes_line(const Between& between, std::size_t begin, std::size_t end) {
+bool Front::passes_line(std::size_t begin, std::size_t end) {
     cost_.clock.enter(StageClock::sweep);
     const bool passes =
-        pass_hidden(end - begin, scene_->sensor_m, between.behind, between.ahead,
+        pass_hidden(end - begin, scene_->sensor_m, between_.behind, between_.ahead,
                     {now_.minor.data(), ahead_.minor.data(), now_.arc.data(), ahead_.arc.data(),
                      lanes_.mode.data() + begin, lanes_.horizon.data() + begin, lanes_.inverse_radius.data() + begin});
     if (passes) {
@@ -404,10 +404,10 @@ bool Front::passes_line(const Between& between, std::size_t begin, std::size_t e
     return passes;
 }
 
-void Front::refresh(const Between& between, std::size_t begin, std::size_t end) {
+void Front::refresh(std::size_t begin, std::size_t end) {
     if (!stale_) return;
     cost_.clock.enter(StageClock::sweep);
-    sample_line(between.behind, begin, end, 0, now_);
+    sample_line(between_.behind, begin, end, 0, now_);
     stale_ = false;
     cost_.samples += end - begin;
 }
@@ -426,19 +426,19 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
     return (minor < 0 && m <= 0 && straight + bend < 0) || (minor > last && m >= 0 && straight - bend > last);
 }
 
-void Front::take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next) {
+void Front::take(std::size_t begin, std::size_t end, bool crossings, Samples& next) {
     const std::size_t n = end - begin;
     assert(pieces_.size() + tile_lanes <= VisiblePieces::most);
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
     cost_.clock.enter(StageClock::sample);
     // The cell that the piece runs through; without the other axis' lines it may run through two: that of its end.
-    const bool one_cell = crossings || (scene_->sampling.cross_lines && between.adjacent);
+    const bool one_cell = crossings || (scene_->sampling.cross_lines && between_.adjacent);
     const CellLanes posts{cell_.data(), posts_.data(), posts_.data() + 2 * tile_lanes};
-    cell_lanes(between.adjacent ? between.behind : between.ahead, between.ahead, n, one_cell ? from.minor : to.minor,
-               to.minor, posts);
+    cell_lanes(between_.adjacent ? between_.behind : between_.ahead, between_.ahead, n,
+               one_cell ? from.minor : to.minor, to.minor, posts);
     cost_.clock.enter(StageClock::sweep);
     StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
-    if (may_turn(between.ahead_major)) step.most_rise = 0;
+    if (may_turn(between_.ahead_major)) step.most_rise = 0;
     const Rises found = step_lanes(crossings ? StepTo::crossing : StepTo::line, n, step,
                                    {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
                                     lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin,
@@ -448,15 +448,15 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     if (found.plain + found.changes > 0) cost_.clock.enter(StageClock::deposit);
     const bool wait = crossings && joins_;
     if (!crossings && waiting_ > 0)
-        keep_joined(n, begin, between, from, to);
+        keep_joined(n, begin, from, to);
     else if (found.plain && !wait)
-        keep_pieces(n, begin, between, from, to, plain_);
-    if (at_once_ && !parts_wait_) put_pieces(between);
+        keep_pieces(n, begin, from, to, plain_);
+    if (at_once_ && !parts_wait_) put_pieces();
     const std::uint64_t read = culture_.cost().ticks;
-    if (found.changes > 0) change(n, begin, between, step, next);
+    if (found.changes > 0) change(n, begin, step, next);
     cost_.clock.leave_out(culture_.cost().ticks - read);
-    if (at_once_ && parts_wait_) put_pieces(between);
-    make_room(between);
+    if (at_once_ && parts_wait_) put_pieces();
+    make_room();
     if (wait) wait_for_line(n, found.plain, next);
     swap(now_, next);
 }
@@ -546,17 +546,15 @@ void Front::show_begin(std::size_t lane, double horizon) {
     if (lanes_.row[lane] < 0) return;
     const Samples& last = lanes_.last;
     const double sine = last.sine[lane], range = last.range[lane], x = last.x[lane], minor = last.minor[lane];
-    put(lane,
-        {{x, x, power_of(lane, horizon, sine, range, range), 0},
-         {between_.behind_major, minor, between_.behind_major, minor},
-         horizon,
-         sine,
-         needs_facets_ ? law_variable(-sine) : 0,  // a point has no facet: as level ground
-         nullptr,
-         nullptr,
-         0,
-         0},
-        between_);
+    put(lane, {{x, x, power_of(lane, horizon, sine, range, range), 0},
+               {between_.behind_major, minor, between_.behind_major, minor},
+               horizon,
+               sine,
+               needs_facets_ ? law_variable(-sine) : 0,  // a point has no facet: as level ground
+               nullptr,
+               nullptr,
+               0,
+               0});
     cells_->mark(lanes_.target(lane), x, x, sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);
 }
 

@@ -193,7 +193,7 @@ private:
                      Samples& samples) const;
     LinePosts line_of(const Chunk& chunk, const RawVector<float>& layer, std::int64_t index) const;
     /// Line `index`, of the chunk if there is one, is where the spokes are now.
-    void stand_on(std::int64_t index, const Chunk* chunk, Between& between) const;
+    void stand_on(std::int64_t index, const Chunk* chunk);
 
     StepScene step_scene(bool exact_course) const {
         return {.sensor_m = scene_->sensor_m,
@@ -218,7 +218,7 @@ private:
     void trim();
     std::size_t first_live(std::size_t begin, std::size_t end) const;
 
-    void advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between);
+    void advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end);
     /// Blocks of a chunk, `side` posts wide, aligned to the raster, as far as spokes have come by.
     struct ChunkBounds {
         std::int64_t side;
@@ -233,14 +233,13 @@ private:
     /// Of a tile that sees nothing. Passes over lines up to the end of as many blocks as the last request found nothing to see
     /// in, else of the block that the next one lies in, a large one or a small one, if nothing there can come over the
     /// horizon of any spoke; returns the last line passed, or one before `line` if there is none.
-    std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
-                      Between& between);
+    std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end);
     class BlockSurvey;  // of request()
     /// Over as many whole blocks as hold nothing to see for the tile's spokes.
     std::int64_t leap_hidden(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin,
-                             std::size_t end, Between& between);
+                             std::size_t end);
     std::int64_t leap_block(std::int64_t line, std::int64_t last, const Chunk& chunk, ChunkBounds& bounds,
-                            std::size_t begin, std::size_t end, Between& between);
+                            std::size_t begin, std::size_t end);
     /// Does every spoke on its own stay above what it comes by, from where it is now to where it is ahead?
     bool passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin, std::size_t end);
     /// By how many posts of the level a spoke leaves the straight way within a block.
@@ -250,19 +249,19 @@ private:
     float highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
                            std::int64_t minor_block) const;
     /// To the line `distance` posts of the raster from the nadir, the one that lies ahead. `unseeing`: none_sees() of its spokes.
-    void advance_line(double distance, const Between& between, std::size_t begin, std::size_t end, bool unseeing);
+    void advance_line(double distance, std::size_t begin, std::size_t end, bool unseeing);
     /// Of a tile that sees nothing. To the line ahead in one step, if nothing before it can come over the horizon of any
     /// spoke.
-    bool passes_line(const Between& between, std::size_t begin, std::size_t end);
+    bool passes_line(std::size_t begin, std::size_t end);
     /// The tile's last samples, where lines were passed without them.
-    void refresh(const Between& between, std::size_t begin, std::size_t end);
-    void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
+    void refresh(std::size_t begin, std::size_t end);
+    void take(std::size_t begin, std::size_t end, bool crossings, Samples& next);
     /// What the samples of a tile do to their spokes where plain_.code is 2.
-    void change(std::size_t n, std::size_t begin, const Between& between, const StepScene& step, Samples& next);
+    void change(std::size_t n, std::size_t begin, const StepScene& step, Samples& next);
     /// Sample i of a lane, whose piece is number k of cuts_.
-    void change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, const Between& between, Samples& next);
+    void change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, Samples& next);
     /// A sample that is void, or follows a gap.
-    void change_by_void(std::size_t lane, std::size_t i, const Between& between, const Samples& next);
+    void change_by_void(std::size_t lane, std::size_t i, const Samples& next);
     /// Of one spoke, from where it is to where it is next.
     struct Way {
         SampleLanes from, to;
@@ -277,12 +276,11 @@ private:
         }
     };
     /// What becomes of the visible part of that way, from `begin` of it up to `last`, which is the horizon then.
-    void rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
-              const PieceEnd& last, double bow);
+    void rise(std::size_t lane, std::size_t i, Samples& next, double begin, const PieceEnd& last, double bow);
     /// Remembers that a lane shows what lies from `near` to `far` in range, of elevation `sine` at the most.
     void show(std::size_t lane, double near, double far, double sine);
     /// Where the way from now to next runs between two of its points.
-    Track track(std::size_t i, const Between& between, const Samples& next, const PieceEnd& a, const PieceEnd& b) const;
+    Track track(std::size_t i, const Samples& next, const PieceEnd& a, const PieceEnd& b) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
     /// law_variable() of the facet of sample i's piece from `begin` to `end` of the way, of a lane, into facet_[0]; only where
@@ -295,24 +293,24 @@ private:
         LaneArray rise, swing, sine0, code;
     };
     /// Puts them, of lanes lane.., to the others that wait.
-    void keep_pieces(std::size_t n, std::size_t lane, const Between& between, const SampleLanes& from,
-                     const SampleLanes& to, const Plain& plain);
+    void keep_pieces(std::size_t n, std::size_t lane, const SampleLanes& from, const SampleLanes& to,
+                     const Plain& plain);
     /// Puts a single one of a lane to the others that wait, from `first` to `last`, which run along `track`.
     void keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track);
     /// Keeps those of plain_, from `from` to `to`, and those up to the other axis' lines, each two that can be as one.
-    void keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from, const SampleLanes& to);
+    void keep_joined(std::size_t n, std::size_t lane, SampleLanes from, const SampleLanes& to);
     /// The pieces of a step up to the other axis' lines, which ends at `next`, wait for the way on to the line ahead.
     void wait_for_line(std::size_t n, int pieces, const Samples& next);
     /// Keeps those that wait as they are.
-    void keep_crossed(std::size_t n, std::size_t lane, const Between& between);
+    void keep_crossed(std::size_t n, std::size_t lane);
     /// Of those that wait the ones whose spokes come to one more line of the other axis, where crossing_ is: what becomes of a
     /// piece must hang on its own spoke alone.
-    void keep_crossing_again(std::size_t n, std::size_t lane, const Between& between);
-    void make_room(const Between& between) {
-        if (pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
+    void keep_crossing_again(std::size_t n, std::size_t lane);
+    void make_room() {
+        if (pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces();
     }
-    /// Shades and deposits all that wait. With `at_once_` they are of one line, which `between` tells.
-    void put_pieces(const Between& between);
+    /// Shades and deposits all that wait. With `at_once_` they are of one line, which between_ tells.
+    void put_pieces();
     SampleLanes starts_of_pieces(std::size_t i);
     SampleLanes ends_of_pieces(std::size_t i);
     std::size_t lane_of_piece(std::size_t i) const {
@@ -325,11 +323,11 @@ private:
     };
     RangeOfPieces range_of_pieces();
     /// Deposits them but for those that are left for put(): true if there are any (gamma_ says which).
-    bool put_plain(const Between& between);
+    bool put_plain();
     /// Their backscatter over culture, into gamma_ and its borders; true if some are left for put().
-    bool find_gammas(const Between& between);
-    CulturePieces culture_pieces(const Between& between);
-    CultureScene culture_scene(const Between& between) const;
+    bool find_gammas();
+    CulturePieces culture_pieces();
+    CultureScene culture_scene() const;
     /// Of what was found under piece i in a tile.
     Classes classes_under(std::size_t i, const ClassId* classes) const;
     /// As if no law hung on the angle: by class, those of walls where there are any. True if some have no class.
@@ -342,7 +340,7 @@ private:
         bool odd;  ///< some are more than parts and walls
     };
     Found find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene);
-    void put(std::size_t lane, const Piece& piece, const Between& between);
+    void put(std::size_t lane, const Piece& piece);
     /// Classes under a piece that runs through two columns and two rows of culture cells at most; nothing if there are more.
     template <class ClassOf>
     std::optional<Classes> few_classes(const Track& track, const ClassOf& class_of) const;
@@ -352,7 +350,7 @@ private:
     void class_runs(const Track& track, const ClassOf& class_of, const Run& run);
     /// As put(), with what lies across water from the sensor lit by way of the water; also of lanes that are not this run's
     /// to deposit, for what they keep of the water.
-    void put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression);
+    void put_by_shore(std::size_t lane, const Piece& piece, double depression);
     /// Pieces that are of one class each, as classes[found_.first] says; true if put() must do some.
     bool pass_shores(const ClassId* classes);
     /// Must put() do piece i, for water under it or in front of it? If not, the window has gone by it.
@@ -361,12 +359,12 @@ private:
     /// Corner of the cell under a piece that stands highest on `behind` and `ahead`, of those that accept(height, post) takes, of
     /// equal ones the first in raster order.
     template <class Accept>
-    std::optional<IndexPosition> highest_corner(const Track& track, const Between& between, const LinePosts& behind,
-                                                const LinePosts& ahead, const Accept& accept) const;
+    std::optional<IndexPosition> highest_corner(const Track& track, const LinePosts& behind, const LinePosts& ahead,
+                                                const Accept& accept) const;
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
-    std::optional<IndexPosition> wall_of(const Track& track, const Between& between) const;
+    std::optional<IndexPosition> wall_of(const Track& track) const;
     /// Class of the land that a cell under a piece rises to: of its highest corner that is no water; unknown: it has none.
-    ClassId land_of_cell(const Track& track, const Between& between);
+    ClassId land_of_cell(const Track& track);
     /// A class on seen ground; if it is unknown its code is remembered.
     ClassId class_at(std::int64_t cell_column, std::int64_t cell_row);
     /// Of a class in a spoke's direction.
@@ -386,7 +384,7 @@ private:
     void mark_shadow(std::size_t lane, double to_arc_m);
     void mark_gap(std::size_t lane, double to_arc_m);
     void mark_rest(std::size_t lane, double from_arc_m);
-    void grow_gap(std::size_t lane, std::size_t i, const Between& between);
+    void grow_gap(std::size_t lane, std::size_t i);
     void end_gap(std::size_t lane, double arc_m);
 
     const SweepScene* scene_;

@@ -65,17 +65,16 @@ bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t b
     return true;
 }
 
-std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
-                         Between& between) {
+std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end) {
     cost_.clock.enter(StageClock::sweep);
-    std::int64_t passed = leap_hidden(line, last, chunk, begin, end, between);
+    std::int64_t passed = leap_hidden(line, last, chunk, begin, end);
     for (ChunkBounds& bounds : chunk_bounds_)
-        if (passed < line) passed = leap_block(line, last, chunk, bounds, begin, end, between);
+        if (passed < line) passed = leap_block(line, last, chunk, bounds, begin, end);
     return passed;
 }
 
 std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin,
-                                std::size_t end, Between& between) {
+                                std::size_t end) {
     std::int64_t passed = line - 1;
     ChunkBounds& bounds = chunk_bounds_[0];
     const SpokeGrid& grid = *scene_->grid;
@@ -115,12 +114,12 @@ std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chun
     places(grid.distance(fan_, passed), level_, begin, end, now_.minor.data(), now_.arc.data(), line_pieces_);
     std::fill_n(now_.part.begin(), n, 0.0);
     stale_ = true;
-    stand_on(grid.line_index(fan_, passed), &chunk, between);
+    stand_on(grid.line_index(fan_, passed), &chunk);
     return passed;
 }
 
 std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk& chunk, ChunkBounds& bounds,
-                               std::size_t begin, std::size_t end, Between& between) {
+                               std::size_t begin, std::size_t end) {
     const SpokeGrid& grid = *scene_->grid;
     const std::int64_t out = outward(quadrant_), from = grid.line_index(fan_, line) - out;
     const auto [block, to] = cells_ahead(from, grid.line_index(fan_, last), out, bounds.side);
@@ -158,8 +157,8 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
         !(hidden || highest_sine(scene_->sensor_m, most, near, far, inverse) + together_margin < horizon ||
           passes_alone(chunk, bounds, block, begin, end)))
         return line - 1;
-    stand_on(to, &chunk, between);
-    sample_line(between.behind, begin, end, 0, ahead_);
+    stand_on(to, &chunk);
+    sample_line(between_.behind, begin, end, 0, ahead_);
     swap(now_, ahead_);
     stale_ = false;
     cost_.samples += n;

@@ -62,14 +62,12 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
            scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
 }
 
-Front::Track Front::track(std::size_t i, const Between& between, const Samples& next, const PieceEnd& a,
-                          const PieceEnd& b) const {
-    return {between.major(linear(now_.part[i], next.part[i], a.part)), linear(now_.minor[i], next.minor[i], a.part),
-            between.major(linear(now_.part[i], next.part[i], b.part)), linear(now_.minor[i], next.minor[i], b.part)};
+Front::Track Front::track(std::size_t i, const Samples& next, const PieceEnd& a, const PieceEnd& b) const {
+    return {between_.major(linear(now_.part[i], next.part[i], a.part)), linear(now_.minor[i], next.minor[i], a.part),
+            between_.major(linear(now_.part[i], next.part[i], b.part)), linear(now_.minor[i], next.minor[i], b.part)};
 }
 
-void Front::rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
-                 const PieceEnd& last, double bow) {
+void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, const PieceEnd& last, double bow) {
     const Way way{now_.lanes(i), next.lanes(i), bump_[i], scene_->range_is_ground ? 0 : bins_per_metre_};
     const auto& [from, to, bump_m, range_bins] = way;
     double& horizon = lanes_.horizon[lane];
@@ -85,17 +83,15 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
             const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
                          fall =
                              echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->range_is_ground);
-            put(lane,
-                {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
-                 track(i, between, next, a, b),
-                 a.sine,
-                 b.sine,
-                 facet_[0],
-                 &way.from,
-                 &way.to,
-                 a.part,
-                 b.part},
-                between);
+            put(lane, {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
+                       track(i, next, a, b),
+                       a.sine,
+                       b.sine,
+                       facet_[0],
+                       &way.from,
+                       &way.to,
+                       a.part,
+                       b.part});
         };
         // Near the vertical the sine grows as the square of the way, and range so on a plain alone: what lies before the middle
         // is looked at, with it the fall by range that echo_bow() expects of a sine that goes with the height over the ray.
@@ -133,7 +129,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                 });
         else if (parts_wait_ && !drops)  // lanes interpolate between the entries on either side
             keep_piece(lane, first, last, bend(first, last, bow),
-                       plain_ground_ ? Track{} : track(i, between, next, first, last));
+                       plain_ground_ ? Track{} : track(i, next, first, last));
         else
             deposit(first, last, bend(first, last, bow));
     }
@@ -150,7 +146,7 @@ void Front::show(std::size_t lane, double near, double far, double sine) {
     }
 }
 
-void Front::change(std::size_t n, std::size_t begin, const Between& between, const StepScene& step, Samples& next) {
+void Front::change(std::size_t n, std::size_t begin, const StepScene& step, Samples& next) {
     using Lane = std::uint8_t;
     std::array<Lane, tile_lanes> cut;
     std::size_t count = 0;
@@ -158,7 +154,7 @@ void Front::change(std::size_t n, std::size_t begin, const Between& between, con
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
         const std::size_t lane = begin + i;
         if (next.sine[i] != next.sine[i] || is(lane, mode_gap)) {
-            change_by_void(lane, i, between, next);
+            change_by_void(lane, i, next);
             continue;
         }
         const bool visible = is(lane, mode_visible);
@@ -178,10 +174,10 @@ void Front::change(std::size_t n, std::size_t begin, const Between& between, con
     }
     if (count == 0) return;
     cut_pieces(count, step, cuts_);
-    for (std::size_t k = 0; k < count; ++k) change_by_horizon(begin + cut[k], cut[k], k, between, next);
+    for (std::size_t k = 0; k < count; ++k) change_by_horizon(begin + cut[k], cut[k], k, next);
 }
 
-void Front::change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, const Between& between, Samples& next) {
+void Front::change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, Samples& next) {
     const bool seen = cuts_.seen[k] == 1, hides = cuts_.hides[k] == 1, own = lanes_.row[lane] >= 0;
     if (!seen || cuts_.begin[k] > 0) {
         // Behind the horizon from the start, or soon.
@@ -200,12 +196,12 @@ void Front::change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, co
             const PieceEnd out{cuts_.begin[k], cuts_.range_out[k], horizon, cuts_.x_out[k]};
             ++cost_.pieces;
             if (own) {
-                keep_piece(lane, out, top, cuts_.bow[k], plain_ground_ ? Track{} : track(i, between, next, out, top));
+                keep_piece(lane, out, top, cuts_.bow[k], plain_ground_ ? Track{} : track(i, next, out, top));
                 show(lane, std::min(out.x, top.x), std::max(out.x, top.x), top.sine);
             }
             horizon = top.sine;
         } else {
-            rise(lane, i, between, next, cuts_.begin[k], top, cuts_.bow[k]);
+            rise(lane, i, next, cuts_.begin[k], top, cuts_.bow[k]);
         }
     }
     lanes_.mode[lane] = hides ? mode_hidden : mode_visible;
@@ -215,7 +211,7 @@ void Front::change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, co
     lanes_.mark_from[lane] = now_.arc[i] + top.part * (next.arc[i] - now_.arc[i]);
 }
 
-void Front::change_by_void(std::size_t lane, std::size_t i, const Between& between, const Samples& next) {
+void Front::change_by_void(std::size_t lane, std::size_t i, const Samples& next) {
     const double sine = next.sine[i], arc = next.arc[i];
     const bool valid = sine == sine;
     if (!valid && !is(lane, mode_gap)) {
@@ -225,7 +221,7 @@ void Front::change_by_void(std::size_t lane, std::size_t i, const Between& betwe
         lanes_.gap_from[lane] = lanes_.mark_from[lane] = now_.arc[i];
         lanes_.gap_top[lane] = -infinite;
     }
-    grow_gap(lane, i, between);
+    grow_gap(lane, i);
     if (!valid) {
         if (shore_) lanes_.shore[lane] = {};  // what is there, nobody knows
         return;
@@ -274,14 +270,14 @@ void Front::mark_rest(std::size_t lane, double from_arc_m) {
     cells_->mark(lanes_.target(lane), level_coordinate(lane, from_arc_m), infinite, bit_no_data);
 }
 
-void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {
+void Front::grow_gap(std::size_t lane, std::size_t i) {
     const auto raise = [&](const LinePosts& line, double minor) {
         for (std::int64_t j = floor_of(minor); j <= floor_of(minor) + 1; ++j)
             if (line.has(j) && line.at(j) == line.at(j))
                 lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(line.at(j)));
     };
-    if (between.adjacent) raise(between.behind, now_.minor[i]);
-    raise(between.ahead, ahead_.minor[i]);
+    if (between_.adjacent) raise(between_.behind, now_.minor[i]);
+    raise(between_.ahead, ahead_.minor[i]);
     // And what stands on corners of the piece's own cell, which the spoke may leave by a side before the line ahead.
     for (const std::size_t line : {std::size_t{0}, 2 * tile_lanes})
         for (std::size_t k = line + 2 * i; k < line + 2 * i + 2; ++k)

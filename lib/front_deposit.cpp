@@ -36,8 +36,8 @@ double brightened(double gamma, double bright) {
 
 // ---- plain pieces, many at once ----
 
-void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between, const SampleLanes& from,
-                        const SampleLanes& to, const Plain& plain) {
+void Front::keep_pieces(std::size_t n, std::size_t lane, const SampleLanes& from, const SampleLanes& to,
+                        const Plain& plain) {
     using P = VisiblePieces;
     P::Tile tile{};
     const auto keep = [&](P::Column at, const auto* column) { tile[at] = column; };
@@ -49,8 +49,8 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between,
     if (scene_->range_is_ground) keep(P::x0, from.x), keep(P::x1, to.x);
     std::array<double, tile_lanes> major0, major1;
     if (!plain_ground_ || at_once_) {
-        between_lanes(n, between.behind_major, between.ahead_major, from.part, major0.data());
-        between_lanes(n, between.behind_major, between.ahead_major, to.part, major1.data());
+        between_lanes(n, between_.behind_major, between_.ahead_major, from.part, major0.data());
+        between_lanes(n, between_.behind_major, between_.ahead_major, to.part, major1.data());
         keep(P::major0, major0.data()), keep(P::major1, major1.data());
         keep(P::minor0, from.minor), keep(P::minor1, to.minor);
     }
@@ -103,18 +103,18 @@ void Front::wait_for_line(std::size_t n, int pieces, const Samples& next) {
     waiting_ += pieces;
 }
 
-void Front::keep_crossed(std::size_t n, std::size_t lane, const Between& between) {
+void Front::keep_crossed(std::size_t n, std::size_t lane) {
     assert(joins_);
-    make_room(between);
+    make_room();
     SampleLanes from = crossing_.lanes(0);
     from.range_m = waiting_range_.data();
     from.x = waiting_x_.data();
-    keep_pieces(n, lane, between, from, now_.lanes(0), crossed_);
-    make_room(between);  // others may follow before the line ahead
+    keep_pieces(n, lane, from, now_.lanes(0), crossed_);
+    make_room();  // others may follow before the line ahead
     waiting_ = 0;
 }
 
-void Front::keep_crossing_again(std::size_t n, std::size_t lane, const Between& between) {
+void Front::keep_crossing_again(std::size_t n, std::size_t lane) {
     int others = 0;
     LaneArray& kept = plain_.code;
     for (std::size_t i = 0; i < n; ++i) {
@@ -123,24 +123,23 @@ void Front::keep_crossing_again(std::size_t n, std::size_t lane, const Between& 
         crossed_.code[i] = again ? crossed_.code[i] : 0;
         others += kept[i] == 1 ? 1 : 0;
     }
-    if (others != waiting_) keep_crossed(n, lane, between);
+    if (others != waiting_) keep_crossed(n, lane);
     std::swap(plain_.code, crossed_.code);
     waiting_ = others;
 }
 
-void Front::keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from,
-                        const SampleLanes& to) {
+void Front::keep_joined(std::size_t n, std::size_t lane, SampleLanes from, const SampleLanes& to) {
     const auto part = [](Plain& plain) {
         return JoinLanes::Part{plain.sine0.data(), plain.rise.data(), plain.swing.data(), plain.code.data()};
     };
     waiting_ =
         join_lanes(n, {part(crossed_), part(plain_), waiting_range_.data(), waiting_x_.data(), from.range_m, from.x,
                        to.range_m, to.sine, to.x, start_range_.data(), start_x_.data(), scene_->pattern->lobe()});
-    if (waiting_ > 0) keep_crossed(n, lane, between);
-    make_room(between);
+    if (waiting_ > 0) keep_crossed(n, lane);
+    make_room();
     from.range_m = start_range_.data();
     from.x = start_x_.data();
-    keep_pieces(n, lane, between, from, to, plain_);
+    keep_pieces(n, lane, from, to, plain_);
 }
 
 SampleLanes Front::starts_of_pieces(std::size_t i) {
@@ -157,11 +156,11 @@ SampleLanes Front::ends_of_pieces(std::size_t i) {
             at(P::out1),  at(P::range1), at(P::sine), at(P::x1)};
 }
 
-void Front::put_pieces(const Between& between) {
+void Front::put_pieces() {
     using P = VisiblePieces;
     const std::size_t n = pieces_.size();
     if (n == 0) return;
-    assert(at_once_ || (between.ahead_culture.empty() && between.behind_culture.empty()));
+    assert(at_once_ || (between_.ahead_culture.empty() && between_.behind_culture.empty()));
     cost_.clock.enter(StageClock::shade);
     const auto column = [&](P::Column of) { return pieces_.numbers(of); };
     // Without a branch: a third of the spokes may be straddlers.
@@ -186,23 +185,21 @@ void Front::put_pieces(const Between& between) {
                         facet_.data()});
     cost_.clock.enter(StageClock::deposit);
     const std::uint64_t read = culture_.cost().ticks;
-    if (put_plain(between)) {
+    if (put_plain()) {
         const auto [x0, x1, bins] = range_of_pieces();
         for (std::size_t i = 0; i < n; ++i) {
             const std::size_t lane = lane_of_piece(i);
             if (gamma_[2][i] != left_to_put || (lanes_.row[lane] < 0 && !shore_)) continue;
             const SampleLanes first = starts_of_pieces(i), last = ends_of_pieces(i);
-            put(lane,
-                {{x0[i] * bins, x1[i] * bins, power_[i], static_cast<double>(bow_[i])},
-                 {pieces_.numbers(P::major0)[i], *first.minor, pieces_.numbers(P::major1)[i], *last.minor},
-                 pieces_.numbers(P::horizon)[i],
-                 *last.sine,
-                 facet_[i],
-                 &first,
-                 &last,
-                 0,
-                 1},
-                between);
+            put(lane, {{x0[i] * bins, x1[i] * bins, power_[i], static_cast<double>(bow_[i])},
+                       {pieces_.numbers(P::major0)[i], *first.minor, pieces_.numbers(P::major1)[i], *last.minor},
+                       pieces_.numbers(P::horizon)[i],
+                       *last.sine,
+                       facet_[i],
+                       &first,
+                       &last,
+                       0,
+                       1});
         }
     }
     pieces_.clear();
@@ -215,7 +212,7 @@ Front::RangeOfPieces Front::range_of_pieces() {
     return {pieces_.numbers(P::range0), pieces_.numbers(P::range1), bins_per_metre_};
 }
 
-bool Front::put_plain(const Between& between) {
+bool Front::put_plain() {
     using P = VisiblePieces;
     const std::size_t n = pieces_.size();
     float* const gamma = gamma_[2].data();
@@ -223,8 +220,8 @@ bool Front::put_plain(const Between& between) {
         std::fill_n(gamma, n, left_to_put);
         return true;
     }
-    const bool classes = !plain_ground_ && between.in_chunk;
-    const bool left = classes && find_gammas(between);
+    const bool classes = !plain_ground_ && between_.in_chunk;
+    const bool left = classes && find_gammas();
     if (!classes && (!plain_ground_ || needs_facets_ || directional_))
         for (std::size_t i = 0; i < n; ++i)
             gamma[i] = static_cast<float>(ground_gamma(scene_->data_base->default_class, facet_[i], lane_of_piece(i)));
@@ -244,14 +241,14 @@ bool Front::put_plain(const Between& between) {
     return left;
 }
 
-CulturePieces Front::culture_pieces(const Between& between) {
+CulturePieces Front::culture_pieces() {
     using P = VisiblePieces;
     CulturePieces pieces{pieces_.numbers(P::major0), pieces_.numbers(P::minor0), pieces_.numbers(P::major1),
                          pieces_.numbers(P::minor1)};
-    if (between.ahead_culture.empty() && between.behind_culture.empty()) return pieces;
+    if (between_.ahead_culture.empty() && between_.behind_culture.empty()) return pieces;
     const CellLanes corners{culture_cell_.data(), culture_posts_.data(),
                             culture_posts_.data() + 2 * VisiblePieces::most};
-    cell_lanes(between.adjacent ? between.behind_culture : no_posts(), between.ahead_culture, pieces_.size(),
+    cell_lanes(between_.adjacent ? between_.behind_culture : no_posts(), between_.ahead_culture, pieces_.size(),
                pieces.minor0, pieces.minor1, corners);
     pieces.cell = corners.cell;
     pieces.behind_m = corners.behind;
@@ -259,10 +256,10 @@ CulturePieces Front::culture_pieces(const Between& between) {
     return pieces;
 }
 
-CultureScene Front::culture_scene(const Between& between) const {
+CultureScene Front::culture_scene() const {
     const DataBase& db = *scene_->data_base;
     return {
-        lines_are_columns(quadrant_),    between.behind_major,  between.ahead_major,          db.culture_column_offset,
+        lines_are_columns(quadrant_),    between_.behind_major, between_.ahead_major,         db.culture_column_offset,
         db.culture_column_scale * post_, db.culture_row_offset, db.culture_row_scale * post_, {}};
 }
 
@@ -307,10 +304,10 @@ bool Front::find_class_gammas(const ClassId* classes, bool walls) {
     return (signs >> 31) != 0;
 }
 
-bool Front::find_gammas(const Between& between) {
+bool Front::find_gammas() {
     const std::size_t n = pieces_.size();
-    const CulturePieces pieces = culture_pieces(between);
-    CultureScene scene = culture_scene(between);
+    const CulturePieces pieces = culture_pieces();
+    CultureScene scene = culture_scene();
     // All in the tile that the first one lies in: mostly there is no other.
     const Found cells = find_cells(0, pieces, scene);
     const ClassId* classes = cells.classes;
@@ -418,18 +415,18 @@ Front::Found Front::find_cells(std::size_t i, const CulturePieces& pieces, Cultu
 
 // ---- one piece ----
 
-void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
+void Front::put(std::size_t lane, const Piece& piece) {
     double depression = 0;
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
-    if (shore_) return put_by_shore(lane, piece, between, depression);
+    if (shore_) return put_by_shore(lane, piece, depression);
     const WedgeCells::Target target = lanes_.target(lane);
     const auto add_one = [&](double gamma) {
         cells_->add(target, piece.portion, WedgeCells::Stretches::one(gamma), &depression);
     };
-    if (plain_ground_ || !between.in_chunk)
+    if (plain_ground_ || !between_.in_chunk)
         return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
-    if (const auto post = wall_of(piece.track, between))
+    if (const auto post = wall_of(piece.track))
         return add_one(wall_gamma(class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row))), lane));
     if (!scene_->data_base->has_culture)
         return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
@@ -453,8 +450,8 @@ ClassId Front::class_at(std::int64_t cell_column, std::int64_t cell_row) {
 }
 
 template <class Accept>
-std::optional<IndexPosition> Front::highest_corner(const Track& track, const Between& between, const LinePosts& behind,
-                                                   const LinePosts& ahead, const Accept& accept) const {
+std::optional<IndexPosition> Front::highest_corner(const Track& track, const LinePosts& behind, const LinePosts& ahead,
+                                                   const Accept& accept) const {
     const bool columns = lines_are_columns(quadrant_);
     const std::int64_t j = floor_of(0.5 * (track.minor0 + track.minor1));
     double most = -std::numeric_limits<double>::infinity();
@@ -471,21 +468,21 @@ std::optional<IndexPosition> Front::highest_corner(const Track& track, const Bet
         best = here;
     };
     for (std::int64_t at = j; at <= j + 1; ++at) {
-        corner(ahead, between.ahead_major, at);
-        if (between.adjacent) corner(behind, between.behind_major, at);
+        corner(ahead, between_.ahead_major, at);
+        if (between_.adjacent) corner(behind, between_.behind_major, at);
     }
     return best;
 }
 
-std::optional<IndexPosition> Front::wall_of(const Track& track, const Between& between) const {
-    if (between.ahead_culture.empty() && between.behind_culture.empty()) return std::nullopt;
-    return highest_corner(track, between, between.behind_culture, between.ahead_culture,
+std::optional<IndexPosition> Front::wall_of(const Track& track) const {
+    if (between_.ahead_culture.empty() && between_.behind_culture.empty()) return std::nullopt;
+    return highest_corner(track, between_.behind_culture, between_.ahead_culture,
                           [](double h, const IndexPosition&) { return h > 0; });
 }
 
-ClassId Front::land_of_cell(const Track& track, const Between& between) {
+ClassId Front::land_of_cell(const Track& track) {
     ClassId id = unknown_class;
-    highest_corner(track, between, between.behind, between.ahead, [&](double, const IndexPosition& post) {
+    highest_corner(track, between_.behind, between_.ahead, [&](double, const IndexPosition& post) {
         const ClassId here = culture_.at(floor_of(cell_column(post.column)), floor_of(cell_row(post.row)));
         if (here == unknown_class || shore_->is_water(here)) return false;
         id = here;
@@ -559,7 +556,7 @@ void Front::class_runs(const Track& t, const ClassOf& class_of, const Run& run) 
     run(start, 1.0, *open);
 }
 
-void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression) {
+void Front::put_by_shore(std::size_t lane, const Piece& piece, double depression) {
     const bool own = lanes_.row[lane] >= 0;
     ShoreWindow& window = lanes_.shore[lane];
     const auto class_of = [&](std::int64_t column, std::int64_t row) {
@@ -578,18 +575,18 @@ void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& be
         if (from > 0 || to < 1) part = part_of(piece.portion, from, to);
         if (part) cells_->add(lanes_.target(lane), *part, WedgeCells::Stretches::one(gamma), &depression);
     };
-    if (const auto post = wall_of(piece.track, between)) {
+    if (const auto post = wall_of(piece.track)) {
         const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
         return add(0, 1, brightened(wall_gamma(id, lane), land(0, 1)));
     }
-    if (!between.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
+    if (!between_.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
     const bool rises = piece.from && *piece.to->height_m > *piece.from->height_m;
     const auto gamma_of = [&](double from, double to, ClassId id) {
         if (!(to > from)) return 0.0;
         if (shore_->is_water(id)) {
             // Heights ramp from the last post of water to the first of land, and the class changes on the way: the bank is
             // land from its foot.
-            const ClassId bank = rises ? land_of_cell(piece.track, between) : unknown_class;
+            const ClassId bank = rises ? land_of_cell(piece.track) : unknown_class;
             if (bank == unknown_class) {
                 if (piece.from) FarShore::pass_water(window, point(from), point(to));
                 return ground_gamma(id, piece.variable, lane);
