@@ -1,8 +1,12 @@
 #include "lib/refine.hpp"
 
 #include <algorithm>
+#include <cmath>
 
+#include "lib/bright_echo.hpp"
+#include "lib/engine.hpp"
 #include "lib/lanes.hpp"
+#include "lib/rounding.hpp"
 
 namespace wedgescope {
 namespace {
@@ -66,6 +70,26 @@ std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<I
             found.back().end = row + 1;
         }
     return found;
+}
+
+bool refines(const Scene& scene) { return scene.refine && !scene.spokes_per_post && !scene.spokes_per_bin; }
+
+Refinement refinement_of(const ResolvedScene& s, const Sampling& sampling) {
+    Refinement refinement;
+    if (!refines(s.scene)) return refinement;
+    // What all of a bin's spokes make of it is off by half to a ninth of half the difference of its halves. The thresholds: docs/accuracy.md,
+    // "Bins in doubt". Of n spokes one half may have one more than the other.
+    const double promised_db = promised_error(s.scene.quality).rms_db, n = std::max(2.0, sampling.spokes_per_bin),
+                 uneven = rounded_significand((n + 1) / (n - 1), 20);
+    refinement.least_db = std::min(4 * promised_db, 0.8);
+    refinement.cell_db = std::max(std::min(15 * promised_db, 2.0), rounded_significand(5 * std::log10(uneven), 20));
+    // Bins of a pulse, whose echoes add up in the middle of the beam: this floor under their mean is 10 dB over the noise.
+    constexpr double bins = static_cast<double>(Refinement::pulse_bins), over_noise = 10;
+    RadarParams radar = like_bins_of(s);
+    radar.pulse_s = bins * s.swept.range_bin_m / RadarParams{}.pulse_extent_m() * RadarParams{}.pulse_s;
+    refinement.floor_w = rounded_significand(over_noise / bins * radar.noise_power_w(), 24);
+    refinement.lead_in = static_cast<std::size_t>(s.shown.range_bins.begin - s.swept.range_bins.begin);
+    return refinement;
 }
 
 }  // namespace wedgescope
