@@ -33,7 +33,7 @@ void Cover::leave_out(bool columns, const Blocks& blocks, Interval majors, std::
         }
 }
 
-/// The same, of posts that were read.
+/// As ask_map(), of posts that were read.
 void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const {
     blocks.bounds.clear();
     if (!hides_ || chunk.flat) return;

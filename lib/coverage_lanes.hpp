@@ -29,7 +29,8 @@ inline constexpr float level_slack = 0x1p-21F;
 /// And to a position, posts.
 inline constexpr float place_slack = 0x1p-19F;
 
-/// Height above the sensor to w: float, 1 / (1 + x) as 1 - x + x^2 - x^3, for heights up to 1e5 m within 2e-8 of it.
+/// Height above the sensor to w: float, 1 / (1 + x) as 1 - x + x^2 - x^3, off by x^4: for heights up to 1e5 m over an earth of
+/// 4/3 by 2e-8.
 /// What is subtracted from the sensor's height first keeps its last bits.
 struct Lift {
     float sensor_m = 0, inverse_radius = 0;

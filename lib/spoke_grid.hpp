@@ -184,7 +184,7 @@ public:
     /// Lines from `line` on up to the far border of its strip of cells: borders stand at multiples of `strip` posts of
     /// its level, and where the level changes.
     Interval strip_lines(Fan f, std::int64_t line, std::int64_t strip) const;
-    /// The posts that spokes first_k..last_k of K need from the line behind lines.begin (if there is one) to the last of
+    /// The posts that the spokes `run` of `spokes` need from the line behind lines.begin (if there is one) to the last of
     /// `lines`, of one level and in its posts, with those that a doubling brings between them; empty if none meets the
     /// raster there.
     Window window(Fan f, std::int64_t spokes, Interval run, Interval lines) const;

@@ -81,7 +81,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     return facts;
 }
 
-std::vector<Window> hull(const SpokeGrid& grid, const Wedge& wedge, const Window& nadir_patch) {
+std::vector<Window> posts_of(const SpokeGrid& grid, const Wedge& wedge, const Window& nadir_patch) {
     constexpr std::int64_t strip = 64;
     std::vector<Window> windows;
     if (!nadir_patch.empty()) windows.push_back(nadir_patch);

@@ -31,14 +31,14 @@ std::vector<Fact> echo_facts(const ResolvedScene& scene, const DataBase& data_ba
 
 /// Posts that a wedge may ask for, and the nadir's: strips of 64 lines, each with what its spokes reach. Depends on the
 /// scene and the wedge alone.
-std::vector<Window> hull(const SpokeGrid& grid, const Wedge& wedge, const Window& nadir_patch);
+std::vector<Window> posts_of(const SpokeGrid& grid, const Wedge& wedge, const Window& nadir_patch);
 
 /// Which wedge, and of which data.
 struct WedgeKey {
     std::int64_t index = 0;
     Interval azimuth_bins;
     Interval range_bins;
-    std::uint64_t data = 0;  ///< WedgeSource::fingerprint of its hull
+    std::uint64_t data = 0;  ///< WedgeSource::fingerprint of its posts
 };
 
 /// What a finished wedge leaves beside its rows.

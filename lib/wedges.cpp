@@ -206,7 +206,7 @@ std::span<std::uint8_t> Wedges::state_rows(const WedgeTask& task) { return rows_
 bool Wedges::find(WedgeTask& task) {
     if (params_.stop) params_.stop->check();
     const ResolvedScene& scene = setting_.scene;
-    const std::vector<Window> posts = hull(setting_.grid, task.wedge, scene.nadir_patch.window);
+    const std::vector<Window> posts = posts_of(setting_.grid, task.wedge, scene.nadir_patch.window);
     // What is read may be older than what is asked for its fingerprint now (a file's reader goes on with the one that it opened,
     // caches with what they hold): keep() looks whether all is as it was.
     check_data();

@@ -34,6 +34,11 @@ public:
         if (!value.is_number() || !std::isfinite(value.get<double>())) refuse(key, "a number");
         return value.get<double>();
     }
+    double within(const char* key, double low, double high) const {
+        const double value = number(key);
+        if (!(value >= low && value <= high)) refuse(key, text("from ", low, " to ", high).c_str());
+        return value;
+    }
     std::int64_t whole(const char* key) const {
         const json& value = at(key);
         if (!value.is_number_integer()) refuse(key, "a whole number");
@@ -156,21 +161,22 @@ ResolvedScene place_in(const Member& resolved, const Member& echo) {
     place.geometry = resolved.words("geometry") == "grid" ? Geometry::grid : Geometry::geodesic;
     place.has_lat_lon = resolved.has("lat_deg");
     if (place.has_lat_lon) {
-        place.lat_deg = resolved.number("lat_deg");
-        place.lon_deg = resolved.number("lon_deg");
+        place.lat_deg = resolved.within("lat_deg", -90, 90);
+        place.lon_deg = resolved.within("lon_deg", -720, 720);
     }
     place.x = resolved.number("x");
     place.y = resolved.number("y");
-    place.nadir = {resolved.number("column"), resolved.number("row")};
+    constexpr double most_posts = 1e9, deepest_m = -1e5, most_ground_m = 1e5, most_m = 1e8;
+    place.nadir = {resolved.within("column", -most_posts, most_posts), resolved.within("row", -most_posts, most_posts)};
     place.nadir_in_raster = resolved.flag("nadir_in_raster");
     place.nadir_on_data = resolved.flag("nadir_on_data");
-    place.sensor_m = resolved.number("sensor_height_m");
-    place.reference_m = resolved.number("reference_height_m");
+    place.sensor_m = resolved.within("sensor_height_m", deepest_m, most_m);
+    place.reference_m = resolved.within("reference_height_m", deepest_m, most_ground_m);
     place.longer_post_m = echo.number("longer_post_m");
     place.clearance_m = number_or_infinite(echo, "clearance_m");
     place.rain_floor = rain_floor_in(resolved);
     place.earth = Earth::of_curvature(resolved.number("earth_inverse_radius_per_m"));
-    place.scene.range_m = resolved.number("range_m");
+    place.scene.range_m = resolved.within("range_m", 0, most_m);
     return place;
 }
 
