@@ -47,12 +47,12 @@ double largest_radius_m(const DisplaySetting& setting) {
     return *radius;
 }
 
-/// Step of the range rings: the least of 1, 2, 5 x 10^n nautical miles with fewer than ten rings; then there are at
-/// least four.
+/// Step of the range rings: the least of 1, 2, 5 x 10^n nautical miles with fewer than ten rings, one on the rim left out; then
+/// there are at least four.
 double ring_step_m(double radius_m) {
     for (double decade = 1e-6; decade < 1e9; decade *= 10)
         for (const double digit : {1.0, 2.0, 5.0})
-            if (radius_m < 10 * digit * decade * nautical_mile_m) return digit * decade * nautical_mile_m;
+            if (radius_m * (1 - 1e-9) < 10 * digit * decade * nautical_mile_m) return digit * decade * nautical_mile_m;
     return radius_m;
 }
 

@@ -5,6 +5,7 @@
 // Source: physics "Effective earth" (Skolnik; Long). Heights are above the sea-level surface, s is arc
 // length along it.
 #pragma once
+#include <cmath>
 #include <limits>
 #include <optional>
 
@@ -13,6 +14,9 @@ namespace wedgescope {
 inline constexpr double wgs84_a_m = 6378137.0;
 inline constexpr double wgs84_f = 1 / 298.257223563;
 inline constexpr double mean_radius_m = 6371008.7714;  ///< (2a + b) / 3
+
+/// Within a metre of a pole, where azimuths from north are none.
+inline bool is_at_pole(double lat_deg) { return 90 - std::abs(lat_deg) < 1.0 / 111000; }
 
 struct EllipsoidRadii {
     double meridian_m;  ///< M

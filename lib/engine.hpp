@@ -87,8 +87,6 @@ SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& data_base);
 /// Shows these azimuth bins instead, 0 <= begin < circle; sweeps them and the beam's skirt.
 void look_at(ResolvedScene& scene, Interval azimuth_bins);
-/// Within a metre of a pole, where azimuths from north are none.
-inline bool is_at_pole(double lat_deg) { return 90 - std::abs(lat_deg) < 1.0 / 111000; }
 
 /// Of a scene what its place does not change: made once for all frames of a track.
 struct SceneTables {

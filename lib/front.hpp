@@ -265,14 +265,14 @@ private:
     /// Of one spoke, from where it is to where it is next.
     struct Way {
         SampleLanes from, to;
-        double bump_m;        // of its middle over the straight way
-        double bins_a_metre;  // of range; 0: bins count ground range
+        double bump_m;      ///< of its middle over the straight way
+        double range_bins;  ///< a metre; 0: bins count ground range
         double up_m(double u) const { return linear(*from.up_m, *to.up_m, u) + raised_m(u); }
         double raised_m(double u) const { return bump_m * 4 * u * (1 - u); }
         /// Part u of it.
         PieceEnd at(double u) const {
             const double up = up_m(u), out = linear(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
-            return {u, range, up / range, bins_a_metre > 0 ? range * bins_a_metre : linear(*from.x, *to.x, u)};
+            return {u, range, up / range, range_bins > 0 ? range * range_bins : linear(*from.x, *to.x, u)};
         }
     };
     /// What becomes of the visible part of that way, from `begin` of it up to `last`, which is the horizon then.

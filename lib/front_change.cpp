@@ -42,7 +42,7 @@ void Front::find_facet(std::size_t i, std::size_t lane, const Way& way, double b
         SampleLanes lanes() { return {&part, &minor, &arc, &height, &up, &out, nullptr, nullptr, nullptr}; }
     };
     const auto end_at = [&](double u) {
-        const auto& [from, to, bump_m, bins] = way;
+        const SampleLanes &from = way.from, &to = way.to;
         return End{linear(*from.part, *to.part, u),
                    linear(*from.minor, *to.minor, u),
                    linear(*from.arc_m, *to.arc_m, u),
@@ -69,7 +69,8 @@ Front::Track Front::track(std::size_t i, const Samples& next, const PieceEnd& a,
 
 void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, const PieceEnd& last, double bow) {
     const Way way{now_.lanes(i), next.lanes(i), bump_[i], scene_->range_is_ground ? 0 : bins_per_metre_};
-    const auto& [from, to, bump_m, range_bins] = way;
+    const SampleLanes &from = way.from, &to = way.to;
+    const double range_bins = way.range_bins;
     double& horizon = lanes_.horizon[lane];
     PieceEnd first = begin > 0 ? way.at(begin) : PieceEnd{0, *from.range_m, horizon, *from.x};
     first.sine = horizon;
@@ -110,7 +111,7 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
         constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
         const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m;
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
-            const double part = b.part - a.part, bent = bump_m * part * part;
+            const double part = b.part - a.part, bent = way.bump_m * part * part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
                    straight_range(bent, b.sine, range_bins) &&
                    !turns_in_range(across * part, b.range_m, bent, b.sine, (b.range_m - a.range_m) * range_bins,

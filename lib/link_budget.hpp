@@ -17,7 +17,7 @@ struct LinkPart {
     bool wall = false;
     /// Seen through the beam's azimuth and the pulse (weights of peak 1), with the class' directivity.
     double cross_section_m2 = 0;
-    /// Through the same weights: of ground the area of the visible surface (below 0.05 degrees of grazing less), of walls what they
+    /// Through the same weights: of ground the area of the visible surface (below least_area_grazing less), of walls what they
     /// show at right angles to the ray.
     double area_m2 = 0;
     /// sigma0, of walls gamma: what a unit of that returns.

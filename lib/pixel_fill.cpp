@@ -61,27 +61,30 @@ void for_each_round(std::size_t place, const Frame& frame, const Of& of) {
 }  // namespace
 
 void fill_holes(std::vector<double>& power_w, const Frame& frame, std::vector<std::uint32_t> holes, const Stop* stop) {
+    if (holes.empty()) return;
     std::vector<std::uint8_t> waits(power_w.size(), 0);
     for (const std::uint32_t hole : holes) waits[hole] = 1;
+    const auto mean_round = [&](std::uint32_t hole) {
+        double sum = 0;
+        int count = 0;
+        for_each_round(hole, frame, [&](std::size_t at) {
+            if (power_w[at] < 0) return;
+            sum += power_w[at];
+            ++count;
+        });
+        return count > 0 ? sum / count : -1;
+    };
     std::vector<double> found;
     std::vector<std::uint32_t> next;
+    next.reserve(holes.size());
     // All in the first pass, then those beside what the last one filled: no others have a neighbour now.
     for (; !holes.empty(); holes.swap(next)) {
         if (stop) stop->check();
         found.resize(holes.size());
-        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, holes.size(), 4096),
-                                  [&](const auto& part) {
-                                      for (std::size_t k = part.begin(); k < part.end(); ++k) {
-                                          double sum = 0;
-                                          int count = 0;
-                                          for_each_round(holes[k], frame, [&](std::size_t at) {
-                                              if (power_w[at] < 0) return;
-                                              sum += power_w[at];
-                                              ++count;
-                                          });
-                                          found[k] = count > 0 ? sum / count : -1;
-                                      }
-                                  });
+        const oneapi::tbb::blocked_range<std::size_t> all(0, holes.size(), 4096);
+        oneapi::tbb::parallel_for(all, [&](const auto& part) {
+            for (std::size_t k = part.begin(); k < part.end(); ++k) found[k] = mean_round(holes[k]);
+        });
         for (std::size_t k = 0; k < holes.size(); ++k) {
             waits[holes[k]] = found[k] < 0 ? 1 : 0;
             power_w[holes[k]] = found[k];

@@ -235,7 +235,7 @@ double far_shore_gain(Permittivity water, double frequency_hz, Polarisation pola
 double far_shore_reach_m(double bank_height_m, Angle grazing) {
     require_within("bank height of the far shore", bank_height_m, 0, 10000, "m");
     require_angle("grazing angle of the far shore", grazing, 0, 90);
-    constexpr double least_rad = 1e-6;  // farther off than any range
+    constexpr double least_rad = 1e-6;  // so that it stays finite
     return bank_height_m / std::tan(std::max(grazing.rad(), least_rad));
 }
 

@@ -50,9 +50,10 @@ struct DataBase {
         const std::int64_t rest = column % cycle_columns;
         return rest < 0 ? rest + cycle_columns : rest;
     }
-    /// How far one column lies from another; round a circle of longitude the short way.
+    /// How far one column that locate() gave lies from another: where columns go round the earth the short way.
     double columns_between(double from, double to) const {
-        return cyclic ? std::remainder(to - from, static_cast<double>(cycle_columns)) : to - from;
+        const double circle = cyclic ? static_cast<double>(cycle_columns) : circle_columns ? circle_columns() : 0;
+        return circle > 0 ? std::remainder(to - from, circle) : to - from;
     }
     /// Whether a place lies in one of the terrain's cells.
     bool holds(IndexPosition p) const {
@@ -63,6 +64,8 @@ struct DataBase {
     /// WGS84 latitude and longitude (degrees) -> place on the grid, exact (PROJ). Only where has_crs.
     /// Called from one thread at a time. Columns of a lat/lon raster come out nearest to its middle.
     std::function<IndexPosition(double lat_deg, double lon_deg)> locate;
+    /// Columns round the earth, whether the raster goes all the way or not; 0 where they do not go round. After locate().
+    std::function<double()> circle_columns;
     /// The inverse; nothing where PROJ has no answer.
     std::function<std::optional<std::pair<double, double>>(double column, double row)> lat_lon;
 

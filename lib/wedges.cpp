@@ -209,7 +209,6 @@ bool Wedges::find(WedgeTask& task) {
     const std::vector<Window> posts = posts_of(setting_.grid, task.wedge, scene.nadir_patch.window);
     // What is read may be older than what is asked for its fingerprint now (a file's reader goes on with the one that it opened,
     // caches with what they hold): keep() looks whether all is as it was.
-    check_data();
     task.key = {task.report.index, task.report.azimuth_bins, scene.swept.range_bins,
                 source_.fingerprint(posts) ^ checksum(setting_.levels)};
     const auto kept = params_.archive->find(task.key, echo_rows(task), state_rows(task));

@@ -264,6 +264,8 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     says(with(place, {"--geoid-offset", "-30m"}), "geoid-offset has no effect: it brings altitude-hae to sea level");
     says(with(place, {"--rain", "light", "--frequency", "95GHz"}),
          "rain: its own echo is Rayleigh's, good to Ku band and fair to 35 GHz; at 95 GHz it is too strong");
+    says(with(place, {"--rain", "25mm/h", "--frequency", "32GHz"}),
+         "good to Ku band; at 32 GHz in 25 mm/h it is too strong");
     says(with(place, {"--far-shore", "on"}), "far-shore has no effect: water is told from land by culture");
     says(with(place, {"--sea-state", "3", "--wind-direction", "30deg"}),
          "sea-state and wind-direction have no effect: no ground is of a class of water, by culture or material");

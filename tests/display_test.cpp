@@ -544,6 +544,50 @@ TEST_CASE("only holes are filled, and even ground leaves none", "[display]") {
     CHECK(even.grey == drawn(PixelFill::interpolate).grey);
 }
 
+TEST_CASE("holes are filled as if all of them were looked at in every pass", "[display]") {
+    std::uint64_t state = 5;
+    const auto draw = [&](std::uint64_t below) {
+        state = state * 6364136223846793005U + 1442695040888963407U;
+        return (state >> 33) % below;
+    };
+    for (int trial = 0; trial < 60; ++trial) {
+        Frame f;
+        f.width = static_cast<std::int64_t>(1 + draw(40));
+        f.height = static_cast<std::int64_t>(1 + draw(40));
+        const std::uint64_t rare = 2 + draw(60), outside = 1 + draw(9);
+        std::vector<double> power;
+        std::vector<std::uint32_t> holes;
+        for (std::int64_t at = 0; at < f.width * f.height; ++at) {
+            const bool painted = draw(rare) == 0;
+            power.push_back(painted ? static_cast<double>(draw(1000)) : -1);
+            if (!painted && draw(outside + 1) > 0) holes.push_back(static_cast<std::uint32_t>(at));
+        }
+        std::vector<double> wanted = power;
+        std::vector<std::uint32_t> left = holes;
+        for (bool more = true; more;) {
+            const std::vector<double> before = wanted;
+            more = false;
+            for (const std::uint32_t at : left) {
+                if (before[at] >= 0) continue;
+                const std::int64_t column = at % f.width, row = at / f.width;
+                double sum = 0;
+                int count = 0;
+                for (std::int64_t r = row - 1; r <= row + 1; ++r)
+                    for (std::int64_t c = column - 1; c <= column + 1; ++c) {
+                        if (r < 0 || c < 0 || r >= f.height || c >= f.width) continue;
+                        const double beside = before[static_cast<std::size_t>(r * f.width + c)];
+                        if (beside >= 0) sum += beside, ++count;
+                    }
+                if (count == 0) continue;
+                wanted[at] = sum / count;
+                more = true;
+            }
+        }
+        fill_holes(power, f, holes);
+        CHECK(power == wanted);
+    }
+}
+
 TEST_CASE("a hole takes the mean of its neighbours, pass after pass", "[display]") {
     // -1: a hole to fill; -2: one that lies outside and stays.
     constexpr double a = -1, b = -2;

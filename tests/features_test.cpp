@@ -7,9 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <set>
 
-#include "lib/block_map.hpp"
 #include "lib/error.hpp"
 #include "tests/burnt_features.hpp"
 #include "tests/drawn_raster.hpp"

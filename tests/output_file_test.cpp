@@ -144,6 +144,15 @@ TEST_CASE("where a file cannot be put in place what stood there keeps its side f
     CHECK(get(folder / "a.tif") == "new");
     CHECK(get(folder / "a.tif.aux.xml") == "place of the new");
     CHECK_FALSE(std::filesystem::exists(folder / "a.tif.ovr"));
+    // Nor does a part of it go that the driver named.
+    put(folder / "d.hdr", "of the old");
+    OutputFile part(folder / "d.img", true);
+    std::filesystem::create_directory(folder / "d.img");
+    put(folder / "d.img/other", "");
+    put(part.temporary_path(), "new");
+    put(std::filesystem::path(part.temporary_path()).replace_extension(".hdr").string(), "of the new");
+    CHECK_THROWS_WITH(part.commit(), Contains("d.img' cannot be put in place: ") && !Contains(".tmp-"));
+    CHECK(get(folder / "d.hdr") == "of the old");
     // A folder of a side file's name is no side file.
     std::filesystem::create_directory(folder / "c.tif.msk");
     OutputFile third(folder / "c.tif", true);

@@ -5,6 +5,7 @@
 #include <cpl_vsi.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -234,6 +235,66 @@ TEST_CASE("no-data, NaN and masks are voids", "[raster]") {
     check(d);
     d.type = GDT_Byte;
     check(d);
+}
+
+TEST_CASE("a no-data value of 1e30, which floats round, is one", "[raster]") {
+    const Folder folder;
+    for (const GDALDataType type : {GDT_Float32, GDT_Float64})
+        for (const double none : {1e30, -1e30}) {
+            Drawing d;
+            d.columns = d.rows = 8;
+            d.type = type;
+            d.no_data = none;
+            d.value = [&](int c, int r) { return c == 3 && r == 4 ? none : 10 + c; };
+            draw(folder / "dem.tif", d);
+            RasterFile raster("dem", folder / "dem.tif");
+            std::vector<float> heights(64);
+            raster.read_heights({{0, 8}, {0, 8}}, heights.data(), 8);
+            CHECK(std::isnan(heights[4 * 8 + 3]));
+            CHECK(heights[4 * 8 + 4] == 14);
+        }
+}
+
+TEST_CASE("a mosaic is another where a part is, by whatever name, or what lies beside one", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 8;
+    d.value = [](int c, int) { return c; };
+    draw(folder / "part.tif", d);
+    std::ofstream(folder / "part.tif.msk") << "of its own";
+    const auto later = [&](const char* name) {
+        const std::string path = folder / name;
+        std::filesystem::last_write_time(path, std::filesystem::last_write_time(path) + std::chrono::seconds(2));
+    };
+    for (const std::string& part : {folder / "part.tif", "GTIFF_DIR:1:" + (folder / "part.tif")}) {
+        INFO(part);
+        std::ofstream(folder / "all.vrt")
+            << "<VRTDataset rasterXSize='8' rasterYSize='8'><VRTRasterBand dataType='Int16' "
+               "band='1'><SimpleSource><SourceFilename>"
+            << part << "</SourceFilename><SourceBand>1</SourceBand></SimpleSource>"
+            << "</VRTRasterBand></VRTDataset>";
+        const auto print = [&] { return RasterFile("dem", folder / "all.vrt").fingerprint({}); };
+        const std::uint64_t before = print();
+        CHECK(print() == before);
+        later("part.tif");
+        const std::uint64_t changed = print();
+        CHECK(changed != before);
+        later("part.tif.msk");
+        CHECK(print() != changed);
+    }
+}
+
+TEST_CASE("what a raster is refused for goes by what it is asked for, not by who asked first", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 8;
+    d.unit = "fathom";
+    d.value = [](int, int) { return 3; };
+    draw(folder / "fathoms.tif", d);
+    CHECK_NOTHROW(RasterFile("culture", folder / "fathoms.tif"));
+    CHECK_THAT(test::refusal<DataError>([&] { RasterFile("culture-height", folder / "fathoms.tif"); }),
+               Contains("heights in the unit 'fathom'"));
+    CHECK_NOTHROW(RasterFile("culture", folder / "fathoms.tif"));
 }
 
 TEST_CASE("a height that is none is named with its post", "[raster]") {

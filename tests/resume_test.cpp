@@ -638,6 +638,31 @@ TEST_CASE("a run's file of other kinds of values is refused as a damaged one, wh
     }
 }
 
+TEST_CASE("what others wrote into a work folder's names stays", "[resume]") {
+    const Folder folder;
+    const std::string path = folder / "work";
+    fs::create_directory(path);
+    put(path + "/run.json", R"({"lr": 0.1})");
+    put(path + "/wedge_notes.bin", "mine");
+    CHECK_THROWS_WITH(WorkDir(path, Start::over), Contains("is no work folder: its 'run.json' is no run's"));
+    CHECK(content(path + "/run.json") == R"({"lr": 0.1})");
+    // A run's own that lost a byte, or never reached the disk, is started over; what is no wedge's stays beside it.
+    fs::remove(path + "/wedge_notes.bin");
+    fs::remove(path + "/run.json");
+    begin_work(path);
+    put(path + "/wedge_notes.bin", "mine");
+    const std::string whole = content(path + "/run.json");
+    for (const std::string& bytes : {std::string(), std::string(500, '\0'), whole.substr(0, whole.size() / 2),
+                                     "x" + whole.substr(1), whole.substr(0, 20) + "x" + whole.substr(21)}) {
+        put(path + "/run.json", bytes);
+        WorkDir work(path, Start::over);
+        work.bind(drawn_run);
+        work.record_split(drawn_split);
+        CHECK(content(path + "/run.json") == whole);
+        CHECK(content(path + "/wedge_notes.bin") == "mine");
+    }
+}
+
 TEST_CASE("a folder that does not fit is refused by name", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work";

@@ -11,6 +11,7 @@
 #include "tests/file_content.hpp"
 #include "tests/refusal.hpp"
 #include "tests/small_disk.hpp"
+#include "tiles/json_text.hpp"
 #include "tools/run_files.hpp"
 
 using namespace wedgescope;
@@ -59,6 +60,19 @@ std::string refused(const char* output_key, const std::string& output, const cha
 const auto replaces = Contains("an output may not replace an input");
 
 }  // namespace
+
+TEST_CASE("JSON is taken as deep as any here is, and no deeper", "[run_files]") {
+    const auto nested = [](std::size_t depth, const std::string& inside) {
+        return std::string(depth, '[') + inside + std::string(depth, ']');
+    };
+    CHECK(is_shallow_json(""));
+    CHECK(is_shallow_json(nested(64, "")));
+    CHECK_FALSE(is_shallow_json(nested(65, "")));
+    CHECK_FALSE(is_shallow_json(nested(40, R"({"a":)" + nested(30, "") + "}")));
+    // Brackets in texts are none, however the texts are quoted.
+    CHECK(is_shallow_json(nested(60, R"("[[[[[[\"{{{{{{{")")));
+    CHECK_FALSE(is_shallow_json(nested(60, R"("\\",)" + nested(5, ""))));
+}
 
 TEST_CASE("no output replaces the file behind a subdataset or the archive of an input", "[run_files]") {
     const Folder folder;

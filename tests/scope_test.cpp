@@ -367,7 +367,7 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
             {"other.ini', line 2: material is 'grass'", "'soil'", "new sweep"});
     refuses(folder, {"scope", echo, "--dem", "elsewhere.tif", "-o", png}, 2,
             {"--dem is 'elsewhere.tif'", "the echo image holds what was seen of its data base"});
-    folder.write("track.ini", "track = track.csv\n");
+    folder.write("track.ini", "track = track.csv\nscan-step = 4\nscan-period = 4s\npower-stack = p.tif\n");
     refuses(folder, {"scope", echo, "--track", folder / "track.csv", "-o", png}, 2, {"track", "simulate's alone"});
     folder.make({"scope", echo, folder / "track.ini", "-o", folder / "of_track.png", "-q"});  // its frame perhaps
     refuses(folder, {"scope", echo, "--culture", "x.tif", "--culture-legend", "nlcd", "-o", png}, 2,

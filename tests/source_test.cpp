@@ -389,6 +389,37 @@ TEST_CASE("what stands round a sensor is found on both sides of a circle's seam"
     }
 }
 
+TEST_CASE("near the seam of a raster that hardly or never closes spokes go on as elsewhere", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.value = [](int, int) { return 50; };
+    Scene scene;
+    scene.platform.altitude_m = 3000;
+    scene.range_m = 150e3;
+    // 359 of 360 degrees, and all of the earth in Web Mercator, whose columns go round though nothing says so.
+    d.columns = 3590;
+    d.rows = 100;
+    d.crs = "EPSG:4326";
+    d.geotransform = {-180, 0.1, 0, 5, 0, -0.1};
+    draw(folder / "dem.tif", d);
+    const auto gap = open_direct_source(only(folder / "dem.tif"));
+    CHECK_FALSE(gap->data_base().cyclic);
+    for (const double lon : {-179.95, -179.5, 0.0, 178.8}) {
+        scene.platform.latlon = LatLon{0.3, lon};
+        CHECK(run(resolve(scene, *gap), *gap, {}).report.states[static_cast<std::size_t>(State::seen)] > 1000);
+    }
+    constexpr double half = 20037508.342789244;
+    d.columns = 4000;
+    d.crs = "EPSG:3857";
+    d.geotransform = {-half, half / 2000, 0, 500000, 0, -10000};
+    draw(folder / "dem.tif", d);
+    const auto world = open_direct_source(only(folder / "dem.tif"));
+    for (const double lon : {-179.97, 179.97, 179.0, 10.0}) {
+        scene.platform.latlon = LatLon{0.3, lon};
+        CHECK(run(resolve(scene, *world), *world, {}).report.states[static_cast<std::size_t>(State::seen)] > 1000);
+    }
+}
+
 TEST_CASE("columns of a cylindrical projection go on across the antimeridian", "[source]") {
     const Folder folder;
     Drawing d;

@@ -325,7 +325,9 @@ TEST_CASE("killed just before it is put in place, or just begun, a run goes on",
     }
     SECTION("the plan is nothing but brackets") {
         fs::create_directory(folder / "store.part");
-        std::ofstream(folder / "store.part/plan.json") << std::string(1000000, '[') + std::string(1000000, ']');
+        std::ofstream(folder / "store.part/plan.json")
+            << "{\n \"format\": \"wedgescope-store-plan-3\", \"layers\": " << std::string(1000000, '[')
+            << std::string(1000000, ']') << "}";
     }
     SECTION("a sheet's posts never reached the disk") {
         fs::copy(folder / "whole", folder / "store.part", fs::copy_options::recursive);
@@ -337,6 +339,28 @@ TEST_CASE("killed just before it is put in place, or just begun, a run goes on",
     write_tile_store(params);
     CHECK(contents(folder / "store") == whole);
     CHECK_FALSE(fs::exists(folder / "store.part"));
+}
+
+TEST_CASE("a folder where an unfinished store would lie stays if it is somebody else's", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(90, 70));
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    const std::string part = folder / "store.part";
+    fs::create_directories(part + "/data");
+    std::ofstream(part + "/data/thesis.txt") << "years";
+    const auto tried = [&](const char* plan, const std::string& why) {
+        std::ofstream(part + "/plan.json") << plan;
+        for (const bool resume : {true, false}) {
+            params.resume = resume;
+            params.overwrite = !resume;
+            CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains(why) && Contains("move it away"));
+            CHECK(fs::file_size(part + "/data/thesis.txt") == 5);
+        }
+    };
+    tried("my plan", "is no unfinished tile store");
+    tried(R"({"steps": 3})", "is no unfinished tile store");
+    tried("", "thesis.txt', which is no part of a tile store");
+    tried("{\n \"format\": \"wedgescope-store-plan-3\"", "thesis.txt', which is no part of a tile store");
 }
 
 TEST_CASE("bad posts and truncated rasters are named, and leave nothing behind", "[store]") {

@@ -195,6 +195,43 @@ TEST_CASE("heights read from a store are those of the raster, whatever type, sca
     }
 }
 
+TEST_CASE("fractions that a VRT makes of whole numbers are in the store, and within its bounds", "[store]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 300;
+    d.rows = 200;
+    d.type = GDT_Byte;
+    d.value = [](int c, int r) { return (c * 7 + r * 3) % 200; };
+    draw(folder / "whole.tif", d);
+    const auto vrt = [&](const std::string& name, const std::string& source) {
+        std::ofstream(folder / name) << "<VRTDataset rasterXSize='300' rasterYSize='200'><SRS>EPSG:32611</SRS>"
+                                        "<GeoTransform>400000, 30, 0, 4500000, 0, -30</GeoTransform>"
+                                        "<VRTRasterBand dataType='Byte' band='1'>"
+                                     << source << "</VRTRasterBand></VRTDataset>";
+    };
+    const std::string file = "<SourceFilename relativeToVRT='1'>whole.tif</SourceFilename><SourceBand>1</SourceBand>";
+    vrt("half.vrt",
+        "<ComplexSource>" + file + "<ScaleOffset>0.25</ScaleOffset><ScaleRatio>0.1</ScaleRatio></ComplexSource>");
+    vrt("plain.vrt", "<SimpleSource>" + file + "</SimpleSource>");
+    for (const auto& [name, type] : {std::pair{"half.vrt", GDT_Float32}, {"plain.vrt", GDT_Byte}}) {
+        INFO(name);
+        const std::string store = folder / (std::string(name) + ".store");
+        write_tile_store(into(store, {folder / name}));
+        DataBaseParams raw, stored;
+        raw.dem = folder / name;
+        stored.dem = store;
+        const auto a = open_direct_source(raw), b = open_direct_source(stored);
+        const Window all{{0, 300}, {0, 200}};
+        const Chunk x = a->load(all, false), y = b->load(all, false);
+        CHECK(std::equal(x.surface_m.begin(), x.surface_m.end(), y.surface_m.begin(), y.surface_m.end()));
+        CHECK(a->extremes().highest_m == b->extremes().highest_m);
+        CHECK(a->extremes().lowest_m == b->extremes().lowest_m);
+        const GDALDatasetUniquePtr file_of(GDALDataset::Open((store + "/dem.vrt").c_str()));
+        REQUIRE(file_of);
+        CHECK(file_of->GetRasterBand(1)->GetRasterDataType() == type);
+    }
+}
+
 TEST_CASE("rasters of 64 bits with a no-data value are stored with their overviews", "[store]") {
     const Folder folder;
     for (const auto& [type, no_data] : {std::pair{GDT_Int64, -9999.0}, {GDT_UInt64, 0.0}}) {

@@ -15,6 +15,7 @@
 
 #include "lib/lower_case.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/companion_files.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/plain_tiff.hpp"
 
@@ -34,7 +35,15 @@ std::optional<FileStamp> stamp_of(const std::string& file) {
         return FileStamp{file, static_cast<std::uint64_t>(plain.st_size), plain.st_mtim.tv_sec, plain.st_mtim.tv_nsec};
     VSIStatBufL other{};
     if (VSIStatExL(file.c_str(), &other, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) return std::nullopt;
+    // What is in an archive has the time that was written there, often the same for all.
+    if (const std::string archive = file_behind(file); !archive.empty() && ::stat(archive.c_str(), &plain) == 0)
+        return FileStamp{file, static_cast<std::uint64_t>(other.st_size), plain.st_mtim.tv_sec, plain.st_mtim.tv_nsec};
     return FileStamp{file, static_cast<std::uint64_t>(other.st_size), other.st_mtim.tv_sec, other.st_mtim.tv_nsec};
+}
+
+bool is_file(const std::string& path) {
+    struct stat facts {};
+    return ::stat(path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode);
 }
 
 constexpr const char* vrt_connection = "vrt://";
@@ -89,10 +98,26 @@ bool find_file_behind(GDALDataset& dataset, const TakeFile& take) {
 
 std::vector<std::string> files_behind(GDALDataset& dataset) {
     std::vector<std::string> found;
-    find_file_behind(dataset, [&](const std::string& file) {
-        found.push_back(file);
+    std::set<std::string> known;
+    const auto take = [&](const std::string& file) {
+        if (known.insert(file).second) found.push_back(file);
         return false;
-    });
+    };
+    find_file_behind(dataset, take);
+    if (!is_vrt(dataset)) return found;
+    // GDAL lists parts that are files by their names, not those that a driver finds in one (NETCDF:"x.nc":z), nor what lies beside
+    // a part.
+    std::vector<std::string> parts = found;
+    for (const std::string& part : vrt_parts(dataset.GetDescription())) {
+        const std::string file = is_file(part) ? part : file_behind(part);
+        if (!file.empty()) parts.push_back(file);
+    }
+    for (const std::string& part : parts) {
+        take(part);
+        const std::string stem = std::filesystem::path(part).replace_extension().string();
+        for (const std::string& beside : {part + ".msk", part + ".hdr", stem + ".hdr", stem + ".ige"})
+            if (is_file(beside)) take(beside);
+    }
     return found;
 }
 
@@ -109,7 +134,7 @@ std::vector<FileStamp> file_stamps(const std::string& path) {
         files = PlainTiff::files(path);
     } else {
         GdalErrors quiet;
-        const DatasetHandle dataset = open_dataset(path);
+        const DatasetHandle dataset = by_usual_or_all_drivers([&] { return open_dataset(path); });
         if (dataset) files = files_behind(*dataset);
     }
     return file_stamps(files);

@@ -130,11 +130,6 @@ std::string GdalErrors::reason_beside(const std::string& path) const {
 
 std::string GdalErrors::reason_of_writing(const std::string& written_path) const {
     if (disk_error_ != 0) return system_reason(disk_error_);
-    // Some drivers tell of a block that could not be written when the next one comes: errno knows no more of it then.
-    constexpr std::uintmax_t full = 4096;
-    std::error_code unknown;
-    const auto disk = std::filesystem::space(std::filesystem::path(written_path).parent_path(), unknown);
-    if (!written_path.empty() && !unknown && disk.available < full) return system_reason(ENOSPC);
     std::string said = reason();
     const auto erase = [&](std::size_t at, std::size_t end) {
         while (end < said.size() && (said[end] == ':' || said[end] == ' ')) ++end;
@@ -152,8 +147,15 @@ std::string GdalErrors::reason_of_writing(const std::string& written_path) const
         at = end;
         if (end < said.size() && said[end] == ':') erase(at = begin, end);
     }
-    const std::size_t begin = said.find_first_not_of(", ");  // of what stood behind a path
-    return begin == std::string::npos ? said : said.substr(begin);
+    const std::size_t begin = std::min(said.find_first_not_of(", "), said.size());  // of what stood behind a path
+    said.erase(0, begin);
+    if (said.empty()) said = "GDAL gives no reason";
+    if (written_path.empty()) return said;
+    // Some drivers tell of a block that could not be written when the next one comes: errno knows no more of it then.
+    constexpr std::uintmax_t least_free_bytes = 4096;
+    std::error_code unknown;
+    const auto disk = std::filesystem::space(std::filesystem::path(written_path).parent_path(), unknown);
+    return !unknown && disk.available < least_free_bytes ? text(said, "; ", system_reason(ENOSPC)) : said;
 }
 
 OGRSpatialReference in_gdal(const Crs& crs) {

@@ -213,15 +213,18 @@ double Georeference::find_circle_x() const {
     return 0;
 }
 
+double Georeference::circle_columns() {
+    std::call_once(seen_round_, [this] { circle_x_ = find_circle_x(); });
+    return circle_x_ / facts_.step_x;
+}
+
 IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
     double x = lon_deg, y = lat_deg;
     if (way_ && !way_->transform(Way::forward, x, y))
         throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ", lon_deg,
                              " in its CRS '", facts_.crs->definition(), "': ", way_->reason()));
     IndexPosition at{(x - facts_.corner_x) / facts_.step_x - 0.5, (y - facts_.corner_y) / facts_.step_y - 0.5};
-    std::call_once(seen_round_, [this] { circle_x_ = find_circle_x(); });
-    if (circle_x_ > 0) {
-        const double circle = circle_x_ / facts_.step_x;
+    if (const double circle = circle_columns(); circle > 0) {
         const double middle = 0.5 * static_cast<double>(facts_.columns - 1);
         at.column -= circle * std::round((at.column - middle) / circle);
     }
@@ -259,6 +262,7 @@ DataBase describe(const RasterFacts& facts) {
     d.cyclic = d.cycle_columns > 0;
     const auto where = std::make_shared<Georeference>(facts);
     d.locate = [where](double lat_deg, double lon_deg) { return where->locate(lat_deg, lon_deg); };
+    d.circle_columns = [where] { return where->circle_columns(); };
     d.lat_lon = [where](double column, double row) { return where->lat_lon(column, row); };
     return d;
 }

@@ -19,6 +19,8 @@ public:
     explicit Georeference(const RasterFacts& facts);
 
     IndexPosition locate(double lat_deg, double lon_deg);
+    /// As DataBase has it.
+    double circle_columns();
     std::optional<std::pair<double, double>> lat_lon(double column, double row);
 
 private:

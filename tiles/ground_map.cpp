@@ -334,11 +334,12 @@ std::string GroundMap::kept_path(const DataBaseParams& rasters) {
 }
 
 std::shared_ptr<const GroundMap> GroundMap::make(const DataBaseParams& rasters, const MakeParams& params) {
+    // Before the rasters are opened to be read: who opens one goes on reading it, whatever comes in its place.
+    const std::array<std::uint64_t, 2> stamps{stamp(rasters.dem), stamp(rasters.culture_height)};
     GroundSurvey survey(rasters, params);
     const RasterFacts& facts = survey.facts();
     const BlockMapShape shape{facts.columns, facts.rows};
     const DetailMapShape detail_shape{facts.columns, facts.rows};
-    const std::array<std::uint64_t, 2> stamps{stamp(rasters.dem), stamp(rasters.culture_height)};
     std::optional<OutputFile> output;
     if (params.keep) output.emplace(kept_path(rasters), true);
     auto file = output

@@ -180,6 +180,14 @@ void Mosaic::choose_type() {
             facts_.type = GDT_Int16;
             facts_.type_bytes = 2;
         }
+        if (own.fractions && (own.role == "dem" || own.role == "culture-height")) {
+            // As they are read of the raster itself.
+            facts_.type = GDT_Float32;
+            facts_.type_bytes = type_bytes(GDT_Float32);
+            note_ = text("a VRT that makes fractions of ", type_name(own.type), ": stored as Float32");
+            if (own.has_mask) become(GDT_Float32, std::numeric_limits<double>::quiet_NaN());
+            return;
+        }
         if (!own.has_mask || (own.has_no_data && is_value_of(own.type, own.no_data))) return;
         // A mask becomes a no-data value that no cell can have.
         if (own.type == GDT_Byte)
@@ -196,7 +204,7 @@ void Mosaic::choose_type() {
     for (const auto& raster : rasters_) {
         const RasterFacts& f = raster->facts();
         alike = alike && f.type == own.type && f.scale == own.scale && f.offset == own.offset &&
-                f.unit_m == own.unit_m && f.signed_byte == own.signed_byte;
+                f.unit_m == own.unit_m && f.signed_byte == own.signed_byte && !f.fractions;
         one_no_data = one_no_data && f.has_no_data && f.no_data == own.no_data;
     }
     // A value that the type does not have stands for no post of the rasters, nor could it for one of the store's.

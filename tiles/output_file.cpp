@@ -211,19 +211,23 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
         for (const Move& move : beside) ::unlink(move.to.c_str());
         for (const Move& aside : stale) ::rename(aside.to.c_str(), aside.from.c_str());
     };
-    for (const OutputFile* file : files)
-        for (const char* side : side_files) {
-            if (!file->overwrite_) continue;
-            Move aside{file, file->final_path_ + side, (fs::path(file->folder_) / text("before", side)).string()};
-            std::error_code ignored;
-            const bool folder = fs::is_directory(fs::symlink_status(aside.from, ignored));
-            if (!folder && ::rename(aside.from.c_str(), aside.to.c_str()) == 0) {
-                stale.push_back(std::move(aside));
-            } else if (const int reason = folder ? EISDIR : errno; reason != ENOENT) {
-                put_back();
-                throw IoError(text("old side file '", aside.from, "' cannot be removed: ", system_reason(reason)));
-            }
+    const auto set_aside = [&](const OutputFile* file, const std::string& old) {
+        Move aside{file, old, (fs::path(file->folder_) / text("before.", fs::path(old).filename().string())).string()};
+        std::error_code ignored;
+        const bool folder = fs::is_directory(fs::symlink_status(aside.from, ignored));
+        if (!folder && ::rename(aside.from.c_str(), aside.to.c_str()) == 0) {
+            stale.push_back(std::move(aside));
+        } else if (const int reason = folder ? EISDIR : errno; reason != ENOENT) {
+            put_back();
+            throw IoError(text("old side file '", aside.from, "' cannot be removed: ", system_reason(reason)));
         }
+    };
+    for (const OutputFile* file : files)
+        for (const char* side : side_files)
+            if (file->overwrite_) set_aside(file, file->final_path_ + side);
+    // And those that a new one of the same name replaces.
+    for (const Move& move : moves)
+        if (move.file->overwrite_ && move.to != move.file->final_path_) set_aside(move.file, move.to);
     for (const Move& move : moves) {
         // What came to stand there meanwhile stays as well.
         const int reason = !move.file->overwrite_                              ? rename_new(move.from, move.to)
@@ -231,8 +235,7 @@ void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace&
                                                                                : errno;
         if (reason != 0) {
             put_back();
-            throw IoError(
-                text("output '", move.to, "' cannot be put in place of '", move.from, "': ", system_reason(reason)));
+            throw IoError(text("output '", move.to, "' cannot be put in place: ", system_reason(reason)));
         }
         beside.push_back(move);
         if (move.to == move.file->final_path_) {

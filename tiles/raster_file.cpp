@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/store_manifest.hpp"
@@ -104,6 +105,27 @@ void refuse_alpha(GDALDataset& dataset, const RasterFacts& facts) {
     }
 }
 
+// What a raster is asked for decides what of it is refused.
+bool is_of_heights(const std::string& role) { return role == "dem" || role == "culture-height"; }
+bool is_looked_into(const std::string& role) {
+    return is_of_heights(role) || role == "culture" || role == "directivity";
+}
+
+/// Whether a VRT may make fractions of whole numbers: it scales, interpolates or computes, or what it is made of may.
+bool makes_fractions(GDALDataset& dataset) {
+    const char* const* const xml = dataset.GetMetadata("xml:VRT");
+    if (!xml || !*xml) return false;
+    const std::string words = lower_case(*xml);
+    for (const char* sign :
+         {"<scaleratio>", "<scaleoffset>", "<exponent>", "<lut>", "<kernelfilteredsource", "<averagedsource",
+          "vrtderivedrasterband", "vrtpansharpeneddataset", ".vrt</sourcefilename>"})
+        if (words.find(sign) != std::string::npos) return true;
+    constexpr std::string_view way = "resampling=\"";
+    for (std::size_t at = 0; (at = words.find(way, at)) != std::string::npos; at += way.size())
+        if (words.compare(at + way.size(), 4, "near") != 0) return true;
+    return false;
+}
+
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     GDALRasterBand& band = *dataset.GetRasterBand(1);
     facts.type = band.GetRasterDataType();
@@ -124,7 +146,7 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
                              "; accepted: finite numbers, a scale that is not 0"));
     if (const char* unit = band.GetUnitType()) facts.unit = unit;
     if (facts.unit.empty()) facts.unit = vertical_unit(dataset.GetSpatialRef());
-    const bool heights = facts.role == "dem" || facts.role == "culture-height";
+    const bool heights = is_of_heights(facts.role);
     if (heights) refuse_depths(dataset.GetSpatialRef(), facts);
     const std::optional<double> metres = unit_in_metres(facts.unit);
     if (!metres && heights)
@@ -145,10 +167,11 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     // A mask made of the no-data value alone is the comparison that is made anyway.
     facts.has_mask = (flags & GMF_ALL_VALID) == 0 && (flags & (GMF_PER_DATASET | GMF_ALPHA)) != 0;
     if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0) facts.has_mask = true;
-    const bool values = heights || facts.role == "culture" || facts.role == "directivity";
-    if (values && !facts.has_mask && !facts.has_no_data) refuse_alpha(dataset, facts);
+    if (is_looked_into(facts.role) && !facts.has_mask && !facts.has_no_data) refuse_alpha(dataset, facts);
     if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE"))
         facts.compression = compression;
+    const bool whole = facts.type != GDT_Float32 && facts.type != GDT_Float64;
+    facts.fractions = whole && facts.driver == "VRT" && makes_fractions(dataset);
 }
 
 RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
@@ -360,7 +383,8 @@ private:
 };
 
 RasterFile::RasterFile(std::string role, std::string path) {
-    if (auto known = recall(path)) {
+    if (auto known = recall(path); known && is_of_heights(known->facts.role) == is_of_heights(role) &&
+                                   is_looked_into(known->facts.role) == is_looked_into(role)) {
         facts_ = std::move(known->facts);
         facts_.role = std::move(role);
         files_ = std::move(known->files);

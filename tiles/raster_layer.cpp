@@ -267,7 +267,7 @@ void RasterLayer::make_heights(const Window& window, float* out, std::int64_t st
         if (huge_sign_ != 0) {
             constexpr auto huge = static_cast<float>(huge_no_data);
             const auto sign = static_cast<float>(huge_sign_);
-            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] * sign > huge ? nan : line[c];
+            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] * sign >= huge ? nan : line[c];
         } else if (facts_.has_no_data) {
             const float none = no_data_;
             for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] == none ? nan : line[c];

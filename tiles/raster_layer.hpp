@@ -57,6 +57,7 @@ struct RasterFacts {
     bool has_no_data = false;
     double no_data = 0;
     bool has_mask = false;  ///< a mask or alpha band that must be read beside the values
+    bool fractions = false;   ///< of a VRT whose type is of whole numbers: what is read of it as floats may not be
     std::string compression;  ///< empty or "NONE": none
 
     /// Strips as they are: of a row any part is read alone, so nothing speaks for whole ones.

@@ -618,6 +618,7 @@ void StoreWriter::make(const std::vector<Job>& row) {
         done.sheet.file = stem + ".tif";
         done.sheet.sums = stem + ".sum";
         const Window posts = layer.entry.posts(job.column, job.row);
+        if (params_.stop) params_.stop->check();  // what stands is read through
         if (!finished_before(job, done)) {
             const bool dem = layer.kind == StoreLayerKind::dem;
             std::vector<std::size_t> pieces = layer.pieces_in(dem ? with_next(posts) : posts);

@@ -6,10 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cinttypes>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <system_error>
@@ -102,6 +104,29 @@ UnfinishedStore::UnfinishedStore(const std::string& output) : output_(output) {
 
 std::string UnfinishedStore::inside(const std::string& file) const { return (fs::path(folder_) / file).string(); }
 
+namespace {
+
+/// The first of the files in a folder, by name, that no store has; empty: there is none. `error` where not all can be told.
+std::string foreign_file(const std::string& folder, std::error_code& error) {
+    std::set<std::string> foreign;
+    for (const fs::directory_entry& entry : entries<fs::recursive_directory_iterator>(folder, error))
+        if (!fs::is_directory(entry.symlink_status(error)) && !is_stores_own(entry.path().lexically_relative(folder)))
+            foreign.insert(entry.path().string());
+    return foreign.empty() ? std::string() : *foreign.begin();
+}
+
+/// Whether a run may have begun to write this plan: it begins as every plan does, as far as it goes, or never reached the disk.
+bool may_be_plan(const std::string& path) {
+    constexpr std::string_view begin = "{\n \"format\": \"wedgescope-store-plan-";
+    std::array<char, begin.size()> found{};
+    std::ifstream in(path, std::ios::binary);
+    in.read(found.data(), static_cast<std::streamsize>(found.size()));
+    const std::string_view words(found.data(), static_cast<std::size_t>(in.gcount()));
+    return begin.starts_with(words) || words.find_first_not_of('\0') == std::string_view::npos;
+}
+
+}  // namespace
+
 void UnfinishedStore::check_output(bool overwrite) const {
     std::error_code error;
     const auto status = fs::symlink_status(output_, error);
@@ -112,15 +137,11 @@ void UnfinishedStore::check_output(bool overwrite) const {
                               replaceable ? "; add --overwrite" : " and is no tile store; accepted: a new name"));
     if (!replaceable)
         throw InputError(text("output '", output_, "' is no tile store; --overwrite replaces nothing else"));
-    const auto all = entries<fs::recursive_directory_iterator>(output_, error);
+    const std::string foreign = foreign_file(output_, error);
     if (error)
         throw IoError(text("output '", output_, "' cannot be looked through, as --overwrite needs: ", error.message()));
-    std::set<std::string> foreign;
-    for (const fs::directory_entry& entry : all)
-        if (!fs::is_directory(entry.symlink_status(error)) && !is_stores_own(entry.path().lexically_relative(output_)))
-            foreign.insert(entry.path().string());
     if (!foreign.empty())
-        throw InputError(text("output '", output_, "' holds '", *foreign.begin(),
+        throw InputError(text("output '", output_, "' holds '", foreign,
                               "', which is no part of a tile store; --overwrite replaces nothing else"));
 }
 
@@ -138,6 +159,7 @@ void UnfinishedStore::check(bool overwrite, bool resume) const {
                               "' would be made, holds a finished tile store; move it away, or give output another name "
                               "(a run that was stopped right before its end ends with --resume)"));
     if (holds_else()) refuse_foreign();
+    refuse_foreign_files();
     if (!overwrite && !resume)
         throw InputError(
             text("'", folder_, "' holds an unfinished run; --resume goes on with it, --overwrite starts anew"));
@@ -145,7 +167,12 @@ void UnfinishedStore::check(bool overwrite, bool resume) const {
 
 bool UnfinishedStore::holds_else() const {
     std::error_code error;
-    const auto begun = [&] { return fs::exists(inside(store_plan_name), error); };
+    const auto begun = [&] {
+        const std::string plan = inside(store_plan_name);
+        if (!fs::exists(plan, error) || may_be_plan(plan)) return fs::exists(plan, error);
+        // Of what lies beside it nobody else's, and JSON: one that another version wrote.
+        return std::ifstream(plan, std::ios::binary).peek() == '{' && foreign_file(folder_, error).empty();
+    };
     if (begun() || (fs::is_directory(folder_, error) && fs::is_empty(folder_, error))) return false;
     // Another run may have begun it meanwhile, or have ended.
     return fs::exists(fs::symlink_status(folder_, error)) && !begun();
@@ -154,6 +181,13 @@ bool UnfinishedStore::holds_else() const {
 void UnfinishedStore::refuse_foreign() const {
     throw InputError(
         text("'", folder_, "', where '", output_, "' would be made, is no unfinished tile store; move it away"));
+}
+
+void UnfinishedStore::refuse_foreign_files() const {
+    std::error_code another_run_moves_them;
+    if (const std::string foreign = foreign_file(folder_, another_run_moves_them); !foreign.empty())
+        throw InputError(text("'", folder_, "', where '", output_, "' would be made, holds '", foreign,
+                              "', which is no part of a tile store; move it away"));
 }
 
 void UnfinishedStore::lock_plan() {
@@ -194,7 +228,10 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
                                                                   : "; --overwrite without --resume starts anew"));
             }
         }
-        if (!planned) remove_all_but_plan();
+        if (!planned) {
+            refuse_foreign_files();
+            remove_all_but_plan();
+        }
     }
     if (!planned) {
         plan_->resize(0);

@@ -41,6 +41,8 @@ private:
     /// Where this one would be made lies what no run has begun.
     bool holds_else() const;
     [[noreturn]] void refuse_foreign() const;
+    /// InputError where files lie in the folder that no store has.
+    void refuse_foreign_files() const;
     void remove_all_but_plan() const;
     bool remove_folder() const noexcept;
     void replace_output();

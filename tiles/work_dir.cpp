@@ -36,7 +36,25 @@ constexpr std::string_view temporary_mark = ".tmp-";
 
 std::string wedge_name(std::int64_t index) { return fmt::format("wedge_{:06}.bin", index); }
 
-bool is_wedge(const std::string& name) { return name.starts_with("wedge_") && name.ends_with(".bin"); }
+bool is_wedge(const std::string& name) {
+    constexpr std::string_view begin = "wedge_", end = ".bin";
+    if (!name.starts_with(begin) || !name.ends_with(end)) return false;
+    const std::string number = name.substr(begin.size(), name.size() - begin.size() - end.size());
+    return number.size() >= 6 && number.find_first_not_of("0123456789") == std::string::npos;
+}
+
+/// Whether a run may have written this file: it has most of what each has, or never reached the disk.
+bool may_be_run(const std::string& path) {
+    std::array<char, 4096> found{};
+    std::ifstream in(path, std::ios::binary);
+    in.read(found.data(), static_cast<std::streamsize>(found.size()));
+    const std::string_view words(found.data(), static_cast<std::size_t>(in.gcount()));
+    if (words.find_first_not_of('\0') == std::string_view::npos) return true;
+    int signs = 0;
+    for (const std::string_view sign : {"\"format\"", "wedgescope-work-", "\"scene_checksum\"", "\"asked\""})
+        signs += words.find(sign) != std::string_view::npos ? 1 : 0;
+    return signs >= 2;
+}
 
 bool is_temporary(const std::string& name) {
     return (name.starts_with(".wedge_") || name.starts_with(std::string(".") + run_name)) &&
@@ -223,6 +241,9 @@ WorkDir::WorkDir(std::string path, Start start) : path_(std::move(path)), start_
     if (holds_run && start == Start::fresh)
         throw InputError(
             text(named(), " holds a run already; add --resume to go on with it or --overwrite to start over"));
+    if (holds_run && start == Start::over && fs::is_regular_file(file(run_name), error) && !may_be_run(file(run_name)))
+        throw InputError(text(named(), " is no work folder: its '", run_name,
+                              "' is no run's; accepted: a missing or empty folder, or one of an earlier run"));
     fs::directory_iterator entries(path_, error);
     if (error) throw IoError(text(named(), " cannot be read: ", error.message()));
     for (const auto& entry : entries) {

@@ -456,7 +456,7 @@ void add_weather(Table& t) {
                   [](auto& s) -> auto& { return s.scene.weather.rain_mm_h; }),
               "clear",
               "attenuates and returns an echo below rain-top (drizzle 0.25mm/h, light 1, moderate 4, heavy 16, "
-              "excessive 40); its echo is Rayleigh's, too strong from 40 GHz on");
+              "excessive 40); its echo is Rayleigh's, too strong from 40 GHz on (from 30 in more than 20mm/h)");
     }
     t.add("rain-top",
           quantity(

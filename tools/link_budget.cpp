@@ -101,10 +101,12 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
                        b.depression ? fmt::format("; level ground is {:.2f} deg below the axis",
                                                   b.depression->deg() - radar.antenna.tilt.deg())
                                     : std::string()));
-    const auto weakens = [&](const std::string& name, double ratio, bool on, std::string of) {
+    auto weakens = [&, left = 1.0](const std::string& name, double ratio, bool on, std::string of) mutable {
         // Of pieces that are less than a quantum of the sweep nothing is left, of some more less than there was.
-        constexpr double faint_db = -85;
-        if (on && !(ratio > Decibel(faint_db).ratio())) of += "; fainter than the sweep is exact";
+        constexpr Decibel faint{-85};
+        const bool was_faint = !(left > faint.ratio());
+        left *= ratio;
+        if (on && echo && !was_faint && !(left > faint.ratio())) of += "; fainter than the sweep is exact";
         factor(name, ratio, on, "both ways, " + of);
     };
     weakens("gases", b.gases, weather.vapour_g_m3.has_value(),

@@ -241,9 +241,8 @@ std::vector<Model> rain_models() {
          },
          "R=heavy f=16GHz t_pol=45deg"},
         {"rain-echo",
-         "radar reflectivity of rain by Rayleigh, too strong beyond some 35 GHz, and what circular polarisation takes "
-         "of "
-         "it",
+         "radar reflectivity of rain by Rayleigh, too strong beyond some 35 GHz, and what circular polarisation "
+         "takes of it",
          "physics 6.4 [V2; cancellation U, P]",
          {rate(), frequency(1000)},
          {{"Z", "mm^6/m^3", "reflectivity"},

@@ -248,9 +248,8 @@ std::vector<Model> sea_models() {
          },
          "Gamma_0=0.6 mss=0.03 psi=80deg"},
         {"sea",
-         "sigma0 of the sea as scenes take it: NRL from 0.1 (below in proportion to the sine) to 60 degrees of "
-         "grazing, "
-         "quasi-specular above; sea state 0 returns nothing",
+         "sigma0 of the sea as scenes take it: NRL from 0.1 to 60 degrees of grazing (below in proportion to the "
+         "sine), quasi-specular above; sea state 0 returns nothing",
          "physics 5.1, 5.4 [V2; joint P]",
          {frequency(0.5, 35), polarisation(), sea_state(), grazing(), temperature().by_default(Water{}.temperature_c),
           salinity().by_default(Water{}.salinity_ppt)},

@@ -24,7 +24,6 @@ std::string name_beside(const Given& given) {
     return foreign ? given.origin : given.key;
 }
 
-/// Those of the scene file that the command line does not replace, and then its own.
 bool has_track(const std::vector<Given>& all) {
     return std::any_of(all.begin(), all.end(), [](const Given& given) { return given.key == "track"; });
 }
@@ -34,6 +33,8 @@ void leave_out_track_keys(std::vector<Given>& all) {
     std::erase_if(all, [](const Given& given) { return !given.folder.empty() && find_key(given.key)->of_track; });
 }
 
+/// Those of the scene file that the command line does not replace, and then its own; without
+/// what is said of its track alone where a place of the command line stands instead.
 std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     const auto refuse_two = [](const std::vector<Given>& from) {
         for (std::size_t i = 0; i < from.size(); ++i) {
@@ -198,6 +199,7 @@ ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
     if (files.size() == 2) scene_file = read_scene_file(files[1], "");
     // The echo image knows where its sensor was, be it a frame of that track.
     std::erase_if(scene_file, [](const Given& given) { return given.key == "track"; });
+    leave_out_track_keys(scene_file);
     request.given = with_set(merged(scene_file, command_line));
     request.settings = settings_from({}, request.given);
     request.settings.files = files;
