@@ -92,8 +92,6 @@ private:
     void hold(WedgeTask& task, std::size_t bytes);
     bool find(WedgeTask& task);
     void keep(WedgeTask& task);
-    /// DataError where the data base is not what it was when the run began.
-    void check_data() { check_unchanged(source_, data_); }
     void leave(WedgeTask& task);
     double memory_wait_s(Clock::time_point entered);
     void note_memory() const {
@@ -207,8 +205,6 @@ bool Wedges::find(WedgeTask& task) {
     if (params_.stop) params_.stop->check();
     const ResolvedScene& scene = setting_.scene;
     const std::vector<Window> posts = posts_of(setting_.grid, task.wedge, scene.nadir_patch.window);
-    // What is read may be older than what is asked for its fingerprint now (a file's reader goes on with the one that it opened,
-    // caches with what they hold): keep() looks whether all is as it was.
     task.key = {task.report.index, task.report.azimuth_bins, scene.swept.range_bins,
                 source_.fingerprint(posts) ^ checksum(setting_.levels)};
     const auto kept = params_.archive->find(task.key, echo_rows(task), state_rows(task));
@@ -227,7 +223,9 @@ void Wedges::keep(WedgeTask& task) {
     if (!params_.archive || task.report.reused) return;
     Span span(params_.timeline, "keep", "disk", task.key.index);
     const Stopwatch watch;
-    check_data();
+    // Of a data base that changed what was read may be older than its fingerprint: a file's reader goes on with the one that it
+    // opened, caches with what they hold.
+    check_unchanged(source_, data_);
     span.add_bytes(echo_rows(task).size_bytes() + state_rows(task).size_bytes());
     params_.archive->keep(task.key, {task.unknown_code, task.report}, echo_rows(task), state_rows(task));
     const std::lock_guard lock(door_mutex_);

@@ -75,6 +75,27 @@ void same_as_direct(const DataBaseParams& params, unsigned seed, std::size_t sma
     same_as_direct(params, above(params), seed, small);
 }
 
+/// The shipped ground with classes and canopy.
+DataBaseParams inland_empire() {
+    DataBaseParams params = only(data + "/inland_empire_dem.tif");
+    params.culture = data + "/inland_empire_culture.tif";
+    params.culture_height = data + "/inland_empire_canopy.tif";
+    params.culture_height_scale = 0.1;
+    params.legend = Legend::built_in("fbfm40");
+    return params;
+}
+/// All of it, in bins enough to tell bits by.
+Scene over_inland_empire() {
+    Scene scene;
+    scene.platform.latlon = LatLon{33.9, -117.4};
+    scene.platform.altitude_above = AltitudeAbove::ground;
+    scene.platform.altitude_m = 700;
+    scene.azimuth_bins = 360;
+    scene.range_bin_m = 60;
+    scene.display.size = 64;
+    return scene;
+}
+
 }  // namespace
 
 TEST_CASE("posts of every type come out of the spill as they come out of the raster", "[spill]") {
@@ -612,19 +633,9 @@ TEST_CASE("many threads read the same posts through one spill", "[spill][threads
 
 TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spill][long]") {
     const Folder folder;
-    DataBaseParams params = only(data + "/inland_empire_dem.tif");
-    params.culture = data + "/inland_empire_culture.tif";
-    params.culture_height = data + "/inland_empire_canopy.tif";
-    params.culture_height_scale = 0.1;
-    params.legend = Legend::built_in("fbfm40");
+    const DataBaseParams params = inland_empire();
     const auto direct = open_direct_source(params);
-    Scene scene;
-    scene.platform.latlon = LatLon{33.9, -117.4};
-    scene.platform.altitude_above = AltitudeAbove::ground;
-    scene.platform.altitude_m = 700;
-    scene.azimuth_bins = 360;
-    scene.range_bin_m = 60;
-    scene.display.size = 64;
+    Scene scene = over_inland_empire();
     for (const bool narrow : {false, true}) {
         if (narrow) {
             scene.range_m = 15000;
@@ -648,19 +659,9 @@ TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spi
 
 TEST_CASE("posts return the same from the spill as from the raster, beside a scene or alone", "[spill][long]") {
     const Folder folder;
-    DataBaseParams params = only(data + "/inland_empire_dem.tif");
-    params.culture = data + "/inland_empire_culture.tif";
-    params.culture_height = data + "/inland_empire_canopy.tif";
-    params.culture_height_scale = 0.1;
-    params.legend = Legend::built_in("fbfm40");
+    const DataBaseParams params = inland_empire();
     const auto direct = open_direct_source(params);
-    Scene scene;
-    scene.platform.latlon = LatLon{33.9, -117.4};
-    scene.platform.altitude_above = AltitudeAbove::ground;
-    scene.platform.altitude_m = 700;
-    scene.azimuth_bins = 360;
-    scene.range_bin_m = 60;
-    scene.display.size = 64;
+    Scene scene = over_inland_empire();
     scene.land = LandModel::ulaby_dobson;
     scene.weather.rain_mm_h = 4;
     const auto response = [](const Scene& of, WedgeSource& source) {
@@ -702,19 +703,9 @@ TEST_CASE("posts return the same from the spill as from the raster, beside a sce
 TEST_CASE("what comes back from the spill's file is counted with the wedge or quadrant that it came back for",
           "[spill][long]") {
     const Folder folder;
-    DataBaseParams params = only(data + "/inland_empire_dem.tif");
-    params.culture = data + "/inland_empire_culture.tif";
-    params.culture_height = data + "/inland_empire_canopy.tif";
-    params.culture_height_scale = 0.1;
-    params.legend = Legend::built_in("fbfm40");
-    Scene scene;
-    scene.platform.latlon = LatLon{33.9, -117.4};
-    scene.platform.altitude_above = AltitudeAbove::ground;
-    scene.platform.altitude_m = 700;
+    const DataBaseParams params = inland_empire();
+    Scene scene = over_inland_empire();
     scene.range_m = 15000;
-    scene.azimuth_bins = 360;
-    scene.range_bin_m = 60;
-    scene.display.size = 64;
     SpillOptions options = in(folder, std::size_t{2} << 20);
     options.all_round = options.all_of_it = true;
     for (const std::size_t memory : {std::size_t{2} << 20, plenty}) {

@@ -18,11 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_file(const std::string& path) {
-    std::error_code error;
-    return fs::is_regular_file(path, error);
-}
-
 /// The first file that a path leads through: an archive's of a path in it.
 std::string file_on_the_way(const std::string& path) {
     for (std::size_t end = 0; end != std::string::npos;) {
@@ -132,6 +127,11 @@ void add_vrt_parts(const std::string& path, std::set<std::string>& looked_into, 
 }
 
 }  // namespace
+
+bool is_file(const std::string& path) {
+    std::error_code error;
+    return fs::is_regular_file(path, error);
+}
 
 std::string file_behind(const std::string& name) {
     return name.starts_with("/vsi") ? file_on_the_way(behind_prefixes(name)) : behind_subdataset(name);

@@ -6,6 +6,9 @@
 
 namespace wedgescope {
 
+/// A plain file on disk, or a link to one.
+bool is_file(const std::string& path);
+
 /// Files on disk that an input is made of: the archive behind a /vsi path, the file behind a subdataset's name, and what its
 /// driver lists (a shapefile's .dbf, a .hdr, a .tfw, overviews). GDAL is not asked about a GeoTIFF that is read without it,
 /// nor about a folder or a pipe. Of what cannot be opened, those that its name tells.

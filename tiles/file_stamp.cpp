@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -17,6 +16,7 @@
 #include "tiles/checksum.hpp"
 #include "tiles/companion_files.hpp"
 #include "tiles/gdal_handle.hpp"
+#include "tiles/plain_file.hpp"
 #include "tiles/plain_tiff.hpp"
 
 namespace wedgescope {
@@ -41,23 +41,13 @@ std::optional<FileStamp> stamp_of(const std::string& file) {
     return FileStamp{file, static_cast<std::uint64_t>(other.st_size), other.st_mtim.tv_sec, other.st_mtim.tv_nsec};
 }
 
-bool is_file(const std::string& path) {
-    struct stat facts {};
-    return ::stat(path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode);
-}
-
 constexpr const char* vrt_connection = "vrt://";
 
 /// By its name or its first words.
 bool may_be_vrt(const std::string& file) {
     if (file.starts_with(vrt_connection)) return true;
     if (lower_case(std::filesystem::path(file).extension().string()) == ".vrt") return true;
-    std::error_code error;
-    if (!std::filesystem::is_regular_file(file, error)) return false;
-    std::string begin(256, '\0');
-    std::ifstream in(file, std::ios::binary);
-    in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-    return begin.find("<VRTDataset") != std::string::npos;
+    return file_begin(file, 256).find("<VRTDataset") != std::string::npos;
 }
 
 bool is_vrt(GDALDataset& dataset) { return dataset.GetDriver() && EQUAL(dataset.GetDriver()->GetDescription(), "VRT"); }

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 
 #include "lib/error.hpp"
 #include "tiles/claim.hpp"
@@ -92,6 +93,18 @@ std::string file_text(const std::string& path, std::size_t most) {
     file.read(0, content.data(), content.size());
     return content;
 }
+
+std::string file_begin(const std::string& path, std::size_t most) {
+    std::string bytes(most, '\0');
+    std::error_code none;
+    if (!std::filesystem::is_regular_file(path, none)) return {};  // no waiting for a pipe's writer
+    std::ifstream in(path, std::ios::binary);
+    in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    bytes.resize(static_cast<std::size_t>(in.gcount()));
+    return bytes;
+}
+
+bool is_blank(std::string_view bytes) { return bytes.find_first_not_of('\0') == std::string_view::npos; }
 
 void replace_file(const std::string& path, const std::string& content) {
     const std::string temporary = path + ".tmp";

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "tiles/descriptor.hpp"
 
@@ -46,6 +47,10 @@ int open_unnamed(const std::string& folder);
 std::uint64_t file_bytes(const std::string& path);
 /// All of a small file. DataError if it is larger than `most`.
 std::string file_text(const std::string& path, std::size_t most);
+/// Its first bytes, `most` or all; none of what cannot be read.
+std::string file_begin(const std::string& path, std::size_t most);
+/// Of nothing but zeros, or of nothing: so stands what never reached the disk.
+bool is_blank(std::string_view bytes);
 /// Writes `content` to `path` + ".tmp", syncs it and puts it in place. IoError.
 void replace_file(const std::string& path, const std::string& content);
 /// To disk; file systems that cannot sync folders are forgiven. IoError.

@@ -6,12 +6,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cinttypes>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <system_error>
@@ -118,11 +116,8 @@ std::string foreign_file(const std::string& folder, std::error_code& error) {
 /// Whether a run may have begun to write this plan: it begins as every plan does, as far as it goes, or never reached the disk.
 bool may_be_plan(const std::string& path) {
     constexpr std::string_view begin = "{\n \"format\": \"wedgescope-store-plan-";
-    std::array<char, begin.size()> found{};
-    std::ifstream in(path, std::ios::binary);
-    in.read(found.data(), static_cast<std::streamsize>(found.size()));
-    const std::string_view words(found.data(), static_cast<std::size_t>(in.gcount()));
-    return begin.starts_with(words) || words.find_first_not_of('\0') == std::string_view::npos;
+    const std::string words = file_begin(path, begin.size());
+    return begin.starts_with(words) || is_blank(words);
 }
 
 }  // namespace
@@ -169,9 +164,9 @@ bool UnfinishedStore::holds_else() const {
     std::error_code error;
     const auto begun = [&] {
         const std::string plan = inside(store_plan_name);
-        if (!fs::exists(plan, error) || may_be_plan(plan)) return fs::exists(plan, error);
-        // Of what lies beside it nobody else's, and JSON: one that another version wrote.
-        return std::ifstream(plan, std::ios::binary).peek() == '{' && foreign_file(folder_, error).empty();
+        if (!fs::exists(plan, error)) return false;
+        // Or JSON, where nobody else's file lies beside it: one that another version wrote.
+        return may_be_plan(plan) || (file_begin(plan, 1) == "{" && foreign_file(folder_, error).empty());
     };
     if (begun() || (fs::is_directory(folder_, error) && fs::is_empty(folder_, error))) return false;
     // Another run may have begun it meanwhile, or have ended.

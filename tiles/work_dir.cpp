@@ -23,6 +23,7 @@
 #include "tiles/checksum.hpp"
 #include "tiles/claim.hpp"
 #include "tiles/json_text.hpp"
+#include "tiles/plain_file.hpp"
 
 namespace wedgescope {
 namespace {
@@ -45,15 +46,11 @@ bool is_wedge(const std::string& name) {
 
 /// Whether a run may have written this file: it has most of what each has, or never reached the disk.
 bool may_be_run(const std::string& path) {
-    std::array<char, 4096> found{};
-    std::ifstream in(path, std::ios::binary);
-    in.read(found.data(), static_cast<std::streamsize>(found.size()));
-    const std::string_view words(found.data(), static_cast<std::size_t>(in.gcount()));
-    if (words.find_first_not_of('\0') == std::string_view::npos) return true;
+    const std::string words = file_begin(path, 4096);
     int signs = 0;
-    for (const std::string_view sign : {"\"format\"", "wedgescope-work-", "\"scene_checksum\"", "\"asked\""})
-        signs += words.find(sign) != std::string_view::npos ? 1 : 0;
-    return signs >= 2;
+    for (const char* sign : {"\"format\"", "wedgescope-work-", "\"scene_checksum\"", "\"asked\""})
+        signs += words.find(sign) != std::string::npos ? 1 : 0;
+    return is_blank(words) || signs >= 2;
 }
 
 bool is_temporary(const std::string& name) {

@@ -151,18 +151,12 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
             step_deg, beam_deg, std::ceil(720 / beam_deg));
     // Physics 6.4; large drops leave Rayleigh's law first.
     constexpr double strong_mm_h = 20;
-    const double rain_mm_h = r.scene.scene.weather.rain_mm_h, most_rayleigh_hz = rain_mm_h > strong_mm_h ? 30e9 : 40e9;
-    if (const double hz = r.scene.scene.radar.frequency_hz; rain_mm_h > 0 && hz >= most_rayleigh_hz)
-        lines[strong_rain] =
-            rain_mm_h > strong_mm_h
-                ? fmt::format(
-                      "rain: its own echo is Rayleigh's, good to Ku band; at {:.3g} GHz in {:.3g} mm/h it is too "
-                      "strong",
-                      hz * 1e-9, rain_mm_h)
-                : fmt::format(
-                      "rain: its own echo is Rayleigh's, good to Ku band and fair to 35 GHz; at {:.3g} GHz it is "
-                      "too strong",
-                      hz * 1e-9);
+    const double rain_mm_h = r.scene.scene.weather.rain_mm_h, hz = r.scene.scene.radar.frequency_hz;
+    const bool strong = rain_mm_h > strong_mm_h;
+    if (rain_mm_h > 0 && hz >= (strong ? 30e9 : 40e9))
+        lines[strong_rain] = fmt::format(
+            "rain: its own echo is Rayleigh's, good to Ku band{}; at {:.3g} GHz{} it is too strong",
+            strong ? "" : " and fair to 35 GHz", hz * 1e-9, strong ? fmt::format(" in {:.3g} mm/h", rain_mm_h) : "");
     if (r.scene.scene.max_error_db && !r.promise.lacks.empty())
         lines[error_unkept] = fmt::format("max-error is not promised here: {}", fmt::join(r.promise.lacks, "; "));
     else if (r.scene.scene.max_error_db && r.promise.from_m > r.scene.scene.range_start_m)

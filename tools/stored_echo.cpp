@@ -55,6 +55,7 @@ public:
         return value.get<std::string>();
     }
     bool has(const char* key) const { return object_.contains(key); }
+    const json& all() const { return object_; }
     [[noreturn]] void refuse(const char* key, const char* what) const {
         std::string name = name_ + key;
         if (name.ends_with('.')) name.pop_back();  // itself
@@ -109,8 +110,8 @@ std::uint64_t hex_number(const Member& from, const char* key) {
 }
 
 /// `named`: what its errors begin with.
-void check_maker(const std::string& named, const Member& top, const json& format) {
-    const std::string found = format.is_string() ? format.get<std::string>() : "";
+void check_maker(const std::string& named, const Member& top) {
+    const std::string found = top.has("format") && top.at("format").is_string() ? top.words("format") : "";
     if (found != "wedgescope-scene-1")
         throw DataError(
             text(named, ": the format of its SCENE_JSON is ", in_quotes(found), "; wedgescope-scene-1 is needed"));
@@ -136,18 +137,18 @@ bool shapes_echo(const Key& key) {
 }
 
 /// What the image was made with: every parameter of an echo, and nothing that says what to write or how to run.
-std::vector<Given> parameters_in(const std::string& named, const Member& parameters, const json& object) {
+std::vector<Given> parameters_in(const std::string& named, const Member& parameters) {
     for (const Key& key : key_table())
         if (shapes_echo(key) && !parameters.has(key.name.c_str())) parameters.refuse(key.name.c_str(), "there");
-    std::vector<Given> all = of_image<DataError>(named, [&] { return given_in_json(object); });
+    std::vector<Given> all = of_image<DataError>(named, [&] { return given_in_json(parameters.all()); });
     for (const Given& given : all)
         if (!shapes_echo(*find_key(given.key))) parameters.refuse(given.key.c_str(), "a parameter of an echo image");
     return all;
 }
 
-Settings settings_in(const std::vector<Given>& given, const Member& data_base, const json& of_data_base) {
+Settings settings_in(const std::vector<Given>& given, const Member& data_base) {
     Settings settings = settings_from({}, given);
-    for (const auto& [name, value] : of_data_base.items()) {
+    for (const auto& [name, value] : data_base.all().items()) {
         const Key* key = find_key(name);
         if (key && key->group == KeyGroup::data_base && !takes_path(*key))
             key->set(settings, {name, data_base.words(name.c_str()), name, ""});
@@ -189,15 +190,15 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     if (all.is_discarded() || !all.is_object())
         throw DataError(text(named, " is damaged, or was changed: its SCENE_JSON is no JSON object"));
     const Member top(path, all, "");
-    check_maker(named, top, all.value("format", json()));
+    check_maker(named, top);
 
     StoredEcho out;
     out.path = path;
     const Member resolved = top.object("resolved"), echo = top.object("echo");
-    out.data_base = echo.at("data_base");
     const Member data_base = echo.object("data_base");
-    out.given = parameters_in(named, top.object("parameters"), top.at("parameters"));
-    out.settings = of_image<InputError>(named, [&] { return settings_in(out.given, data_base, out.data_base); });
+    out.data_base = data_base.all();
+    out.given = parameters_in(named, top.object("parameters"));
+    out.settings = of_image<InputError>(named, [&] { return settings_in(out.given, data_base); });
     out.checksum = hex_number(echo, "checksum");
     out.said = without_checksum(all);
     out.levels = echo.flag("levels");
