@@ -452,9 +452,8 @@ void Front::take(std::size_t begin, std::size_t end, bool crossings, Samples& ne
     else if (found.plain && !wait)
         keep_pieces(n, begin, from, to, plain_);
     if (at_once_ && !parts_wait_) put_pieces();
-    const std::uint64_t read = culture_.cost().ticks;
     if (found.changes > 0) change(n, begin, step, next);
-    cost_.clock.leave_out(culture_.cost().ticks - read);
+    leave_out_culture();
     if (at_once_ && parts_wait_) put_pieces();
     make_room();
     if (wait) wait_for_line(n, found.plain, next);
@@ -555,6 +554,7 @@ void Front::show_begin(std::size_t lane, double horizon) {
                nullptr,
                0,
                0});
+    leave_out_culture();
     cells_->mark(lanes_.target(lane), x, x, sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);
 }
 

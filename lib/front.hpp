@@ -309,6 +309,11 @@ private:
     void make_room() {
         if (pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces();
     }
+    /// What reading culture took since the last call, all of it in the stage that is on, is no part of cost().
+    void leave_out_culture() {
+        cost_.clock.leave_out(culture_.cost().ticks - culture_ticks_);
+        culture_ticks_ = culture_.cost().ticks;
+    }
     /// Shades and deposits all that wait. With `at_once_` they are of one line, which between_ tells.
     void put_pieces();
     SampleLanes starts_of_pieces(std::size_t i);
@@ -440,6 +445,7 @@ private:
     Between between_;
     Culture culture_;
     SweepCost cost_;
+    std::uint64_t culture_ticks_ = 0;  // of culture_.cost(), left out
     std::optional<std::int32_t> unknown_code_;
 };
 

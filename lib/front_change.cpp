@@ -16,7 +16,7 @@ namespace {
 /// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
 template <class Together, class Point, class Deposit>
 void halve(PieceEnd a, const PieceEnd& b, const Together& together, const Point& point, const Deposit& deposit) {
-    constexpr double leaf = 1.03;   // of ranges: over that the echo falls by a ninth, all but in a straight line
+    constexpr double leaf = 1.06;   // of ranges: over that the echo falls by a fifth, all but in a straight line
     std::array<PieceEnd, 40> ends;  // still to come, the nearest last
     std::size_t n = 0;
     ends[n++] = b;
@@ -94,11 +94,9 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
                        a.part,
                        b.part});
         };
-        // Near the vertical the sine grows as the square of the way, and range so on a plain alone: what lies before the middle
-        // is looked at, with it the fall by range that echo_bow() expects of a sine that goes with the height over the ray.
-        const bool from_below = *from.arc_m == 0;
+        // By what lies before the middle, with it the fall by range that echo_bow() expects of a sine that goes with the height
+        // over the ray.
         const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double otherwise) {
-            if (!from_below) return otherwise;
             const PieceEnd middle = way.at(0.5 * (a.part + b.part));
             const double power = (middle.sine - a.sine) / (b.sine - a.sine), gone = (middle.x - a.x) / (b.x - a.x);
             if (!(gone > 0.1 && gone < 0.9)) return otherwise;
@@ -109,6 +107,13 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
         const PatternLobe& lobe = pattern.lobe();
         const bool drops = pattern.meets_drop(first.sine, last.sine);
         constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
+        // Lanes interpolate between the entries on either side of a drop.
+        const auto leave = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
+            if (parts_wait_ && !drops)
+                keep_piece(lane, a, b, bent, plain_ground_ ? Track{} : track(i, next, a, b));
+            else
+                deposit(a, b, bent);
+        };
         const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m;
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
             const double part = b.part - a.part, bent = way.bump_m * part * part;
@@ -124,15 +129,12 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
             halve(
                 first, last, together, [&](double u) { return way.at(u); },
                 [&](const PieceEnd& a, const PieceEnd& b) {
-                    deposit(a, b, bend(a, b, 0));
+                    leave(a, b, bend(a, b, 0.0));
                     near = std::min({near, a.x, b.x});
                     far = std::max({far, a.x, b.x});
                 });
-        else if (parts_wait_ && !drops)  // lanes interpolate between the entries on either side
-            keep_piece(lane, first, last, bend(first, last, bow),
-                       plain_ground_ ? Track{} : track(i, next, first, last));
-        else
-            deposit(first, last, bend(first, last, bow));
+        else  // near the vertical the sine grows as the square of the way, and range so on a plain alone
+            leave(first, last, *from.arc_m == 0 ? bend(first, last, bow) : bow);
     }
     if (own) show(lane, near, far, last.sine);
     horizon = last.sine;

@@ -71,6 +71,7 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const SampleLanes& from
 void Front::keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track) {
     using P = VisiblePieces;
     assert(parts_wait_);
+    if (pieces_.size() == VisiblePieces::most) put_pieces();
     const std::size_t i = pieces_.add_one();
     const auto keep = [&](P::Column at, auto value) { pieces_.set(at, i, value); };
     keep(P::lane, lanes_.number[lane]), keep(P::origin, lanes_.origin[lane]);
@@ -184,7 +185,6 @@ void Front::put_pieces() {
                         of_spokes(lanes_.across, across_), of_spokes(lanes_.slant, slant_), minor_post_m_ * post_,
                         facet_.data()});
     cost_.clock.enter(StageClock::deposit);
-    const std::uint64_t read = culture_.cost().ticks;
     if (put_plain()) {
         const auto [x0, x1, bins] = range_of_pieces();
         for (std::size_t i = 0; i < n; ++i) {
@@ -203,7 +203,7 @@ void Front::put_pieces() {
         }
     }
     pieces_.clear();
-    cost_.clock.leave_out(culture_.cost().ticks - read);
+    leave_out_culture();
 }
 
 Front::RangeOfPieces Front::range_of_pieces() {
