@@ -91,7 +91,7 @@ int check(const char* dem_path, const char* viewshed_path, const char* states_pa
             const double range_m = slant_range_m(
                 sensor_m, static_cast<double>(height[static_cast<std::size_t>(x + column0)]), std::hypot(east, north));
             double azimuth_deg = std::atan2(east, north) * (180 / std::numbers::pi) - azimuth_start_deg;
-            if (azimuth_deg < 0) azimuth_deg += 360;
+            azimuth_deg -= 360 * std::floor(azimuth_deg / 360);
             const auto i = static_cast<std::int64_t>(azimuth_deg / azimuth_step_deg);
             const auto j = static_cast<std::int64_t>(std::floor((range_m - range_start_m) / range_step_m));
             if (i >= azimuth_bins || j < 0 || j >= range_bins) continue;

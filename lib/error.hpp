@@ -75,10 +75,21 @@ public:
                           subject, " needs at least ", (least + (std::size_t{1} << 20) - 1) >> 20, " MiB", about)),
           subject_(subject), about_(about) {}
     /// The same with another smallest budget.
-    TooLittleMemory with(std::size_t budget, std::size_t least) const { return {budget, least, subject_, about_}; }
+    TooLittleMemory with(std::size_t budget, std::size_t least) const {
+        TooLittleMemory other(budget, least, subject_, about_);
+        return context_.empty() ? other : other.within(context_);
+    }
+    /// The same with `context` in front of the message.
+    TooLittleMemory within(const std::string& context) const {
+        const std::string all = context_.empty() ? context : text(context, ": ", context_);
+        return {text(context, ": ", what()), subject_, about_, all};
+    }
 
 private:
-    std::string subject_, about_;
+    TooLittleMemory(const std::string& message, const std::string& subject, const std::string& about,
+                    const std::string& context)
+        : InputError(message), subject_(subject), about_(about), context_(context) {}
+    std::string subject_, about_, context_;
 };
 
 /// The content of a raster or of another input file: exit code 1.
@@ -105,11 +116,13 @@ private:
     int signal_;
 };
 
-/// Runs `body`; an InputError, DataError or IoError that leaves it gets `context` in front of its message and stays one of these.
+/// Runs `body`; an InputError (a TooLittleMemory too), DataError or IoError that leaves it gets `context` in front of its message and stays one of these.
 template <class Body>
 auto with_context(const std::string& context, Body&& body) -> decltype(body()) {
     try {
         return std::forward<Body>(body)();
+    } catch (const TooLittleMemory& e) {
+        throw e.within(context);
     } catch (const InputError& e) {
         throw InputError(context + ": " + e.what());
     } catch (const DataError& e) {

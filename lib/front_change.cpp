@@ -12,18 +12,17 @@
 namespace wedgescope {
 namespace {
 
-/// Calls deposit(a, b) for the parts of a rising piece, halved until each lies at all but one range: under a low sensor
+/// Calls deposit(a, b) for the parts of a rising piece, halved until each is all but in one place: under a low sensor
 /// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
 template <class Together, class Point, class Deposit>
 void halve(PieceEnd a, const PieceEnd& b, const Together& together, const Point& point, const Deposit& deposit) {
-    constexpr double leaf = 1.06;   // of ranges: over that the echo falls by a fifth, all but in a straight line
     std::array<PieceEnd, 40> ends;  // still to come, the nearest last
     std::size_t n = 0;
     ends[n++] = b;
     while (n > 0) {
         const PieceEnd next = ends[n - 1];
         const bool known = next.sine == next.sine;  // else halves are no better
-        if (!known || together(a, next, leaf) || n == ends.size()) {
+        if (!known || together(a, next) || n == ends.size()) {
             if (next.sine > a.sine) deposit(a, next);
             a = {next.part, next.range_m, std::max(a.sine, next.sine), next.x};
             --n;
@@ -115,9 +114,9 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
                 deposit(a, b, bent);
         };
         const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m;
-        const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
+        const auto together = [&](const PieceEnd& a, const PieceEnd& b) {
             const double part = b.part - a.part, bent = way.bump_m * part * part;
-            return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
+            return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine) &&
                    straight_range(bent, b.sine, range_bins) &&
                    !turns_in_range(across * part, b.range_m, bent, b.sine, (b.range_m - a.range_m) * range_bins,
                                    range_bins) &&
@@ -125,7 +124,7 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
                    (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine)) &&
                    short_in_lobe(a.sine, b.sine, lobe.low, lobe.high, lobe.part);
         };
-        if (!together(first, last, most_range_ratio))
+        if (!together(first, last))
             halve(
                 first, last, together, [&](double u) { return way.at(u); },
                 [&](const PieceEnd& a, const PieceEnd& b) {

@@ -74,12 +74,22 @@ private:
     }();
 };
 
+/// Into how many parts a front cuts what a spoke sees from below the sensor to where a post is no longer than an eighth of the
+/// range: by halves, so on average less than that.
+double parts_below(const ResolvedScene& scene) {
+    constexpr double far_posts = 1 / (most_range_ratio - 1), part = 0.7 * (most_range_ratio - 1), least_m = 1;
+    const double far_m = far_posts * scene.longer_post_m,
+                 height_m = std::max(least_m, scene.sensor_m - scene.reference_m);
+    return height_m < far_m ? std::log(far_m / height_m) / part : 0;
+}
+
 class Walk {
 public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
         : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
           facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))),
-          shore_(scene.scene.far_shore && source.data_base().has_culture), refines_(refines(scene.scene)) {}
+          shore_(scene.scene.far_shore && source.data_base().has_culture), refines_(refines(scene.scene)),
+          parts_below_(parts_below(scene)) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
@@ -103,6 +113,7 @@ private:
         if (BlockMap* map = look_ ? source_.block_map() : nullptr) coarse.emplace(scene_, db_, grid_, *map, fan);
         std::size_t most = 0, ring = 0;
         Interval live = run.spokes[0];
+        f.parts += parts_below_ * static_cast<double>(live.size());
         Window culture_tiles;  // under the chunk before: those of them that lie under the next one stay (Culture::open)
         for (std::int64_t line = 0; line < grid_.line_count(fan) && !live.empty();) {
             const std::int64_t spokes = rings[ring].spokes;
@@ -180,6 +191,7 @@ private:
     const SpokeGrid& grid_;
     std::int64_t strip_;
     bool look_, facets_, directional_, shore_, refines_;
+    double parts_below_;
 };
 
 /// Decoded bytes that go through the source's cache. Of a raster without a map, thus read by GDAL, whose blocks are wider
@@ -362,6 +374,7 @@ WedgeForecast Plan::total(const std::vector<bool>& done) const {
         sum.posts += f.posts;
         sum.bytes += f.bytes;
         sum.steps += f.steps;
+        sum.parts += f.parts;
         sum.likely_posts += f.likely_posts;
         sum.likely_bytes += f.likely_bytes;
         sum.reach = hull(sum.reach, f.reach);
@@ -371,11 +384,11 @@ WedgeForecast Plan::total(const std::vector<bool>& done) const {
 }
 
 double Plan::likely_seconds(bool all) const {
-    constexpr double step_s = 45e-9, post_s = 6e-9, chunk_s = 60e-6;
+    constexpr double step_s = 45e-9, part_s = 80e-9, post_s = 6e-9, chunk_s = 60e-6;
     const WedgeForecast sum = total();
     const double share = all || sum.posts == 0 ? 1 : sum.likely_posts / static_cast<double>(sum.posts);
     return share * (step_s * static_cast<double>(sum.steps) + post_s * static_cast<double>(sum.posts)) +
-           chunk_s * static_cast<double>(sum.chunks);
+           part_s * sum.parts + chunk_s * static_cast<double>(sum.chunks);
 }
 
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,

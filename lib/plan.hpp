@@ -13,6 +13,7 @@ namespace wedgescope {
 struct WedgeForecast {
     std::uint64_t chunks = 0, posts = 0, bytes = 0;  ///< if nothing is left out; bytes as decoded
     std::uint64_t steps = 0;                         ///< of spokes from line to line
+    double parts = 0;                                ///< of pieces below a low sensor, which the front cuts
     double likely_posts = 0, likely_bytes = 0;       ///< without what coarse bounds of the terrain hide
     std::size_t peak_bytes = 0;                      ///< cells, front, chunk and what reading it takes
     std::size_t lanes = 0;                           ///< spokes of two rings that the front has room for

@@ -10,6 +10,12 @@
 
 namespace wedgescope {
 
+/// Posts by level of detail.
+using LevelPosts = std::array<std::uint64_t, 6>;
+inline void add_levels(LevelPosts& posts, const LevelPosts& more) {
+    for (std::size_t level = 0; level < posts.size(); ++level) posts[level] += more[level];
+}
+
 struct WedgeReport {
     std::int64_t index = 0;
     Interval azimuth_bins;
@@ -24,7 +30,7 @@ struct WedgeReport {
     std::uint64_t bytes_spilled = 0;  ///< read from a spill's file, as stored there: whole packed blocks
     std::uint64_t bytes_skipped = 0;  ///< decoded, of posts_skipped
     std::uint64_t chunks = 0;
-    std::array<std::uint64_t, 6> level_posts{};             ///< of posts_read, by level of detail; not of reused wedges
+    LevelPosts level_posts{};                               ///< of posts_read, by level of detail; not of reused wedges
     std::array<std::uint64_t, skip_count> posts_skipped{};  ///< of its chunks, by Skip; not read for this wedge
     std::uint64_t samples = 0;                              ///< samples of spokes taken
     std::uint64_t visible_pieces = 0;

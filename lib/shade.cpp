@@ -32,6 +32,16 @@ constexpr Real over_middle(Real swell) {
     return 1 + bend * (square < 1 ? square : Real{1});
 }
 
+/// The mean of a pattern times range^-2 between two sines over the product of both means' middles, beside over_middle(): what
+/// range^-2 bends, and what it does together with the pattern. The inverse of the range goes with the sine, as along any straight
+/// surface; `nearer` is how much of range^-2 changes from its middle to the end, `swell` of the pattern.
+template <class Real>
+constexpr Real over_middles(Real nearer, Real swell) {
+    constexpr auto most = static_cast<Real>(0.25);
+    const Real more = nearer * (nearer + 4 * swell) * static_cast<Real>(1.0 / 12);
+    return 1 + (more < -most ? -most : more > most ? most : more);
+}
+
 /// A pattern in the middle of a piece, and how much of that it changes from there to either end.
 struct MiddleGain {
     double gain, swell;
@@ -210,7 +220,12 @@ WEDGESCOPE_LANES_PART double growth_of_cosine(double sine0, double sine1) {
     return (cosine1 - cosine0) / (both > 1e-30 ? both : 1e-30);
 }
 
-double middle_range_m(double range0_m, double range1_m) { return std::max(1.0, 0.5 * (range0_m + range1_m)); }
+/// The inverse of the range in the middle of a piece, by sine of elevation.
+template <class Real>
+constexpr Real middle_inverse(Real range0_m, Real range1_m) {
+    const Real range0 = range0_m > 1 ? range0_m : Real{1}, range1 = range1_m > 1 ? range1_m : Real{1};
+    return (range0 + range1) / (2 * (range0 * range1));
+}
 
 WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const PatternTable& pattern,
                                   double constant) noexcept {
@@ -248,12 +263,12 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
             const double up = sine[at + i] - horizon[at + i];
-            const auto middle = static_cast<float>(0.5 * (range0[at + i] + range1[at + i])),
+            const auto begins = static_cast<float>(range0[at + i]), ends = static_cast<float>(range1[at + i]),
                        longer = static_cast<float>(range1[at + i] - range0[at + i]), risen = static_cast<float>(up),
                        over = static_cast<float>(rise[at + i]), swung = static_cast<float>(swing[at + i]);
             const float ga = pair[2 * i], gb = pair[2 * i + 1], gain = ga + part[i] * (gb - ga),
-                        inverse = 1 / (middle > 1 ? middle : 1.0F),
-                        swell = 0.5F * risen * ((gb - ga) * entries) / gain, mean = gain * over_middle(swell);
+                        inverse = middle_inverse(begins, ends), swell = 0.5F * risen * ((gb - ga) * entries) / gain,
+                        mean = gain * over_middle(swell) * over_middles(-longer * inverse, swell);
             power[at + i] = constant * up * (static_cast<double>(mean) * static_cast<double>(inverse * inverse));
             // As echo_bow().
             const float fall = 2 * longer * inverse,
@@ -325,15 +340,16 @@ double cosine_growth(double sine0, double sine1) noexcept { return growth_of_cos
 
 double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                 bool range_is_ground) noexcept {
-    return 2 * (range1_m - range0_m) / middle_range_m(range0_m, range1_m) - middle_gain(sine0, sine1, pattern).swell -
+    return 2 * (range1_m - range0_m) * middle_inverse(range0_m, range1_m) - middle_gain(sine0, sine1, pattern).swell -
            (range_is_ground ? cosine_growth(sine0, sine1) : 0);
 }
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                    double constant) noexcept {
-    const double range = middle_range_m(range0_m, range1_m);
+    const double inverse = middle_inverse(range0_m, range1_m), nearer = (range0_m - range1_m) * inverse;
     const MiddleGain middle = middle_gain(sine0, sine1, pattern);
-    return constant * (sine1 - sine0) * middle.gain * over_middle(middle.swell) / (range * range);
+    return constant * (sine1 - sine0) * (inverse * inverse) *
+           (middle.gain * over_middle(middle.swell) * over_middles(nearer, middle.swell));
 }
 
 }  // namespace wedgescope

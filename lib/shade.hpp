@@ -63,8 +63,9 @@ struct Shading {
     double* power;                      ///< out, as WedgeCells::Portion, without backscatter
     float* bow;                         ///< out, as there
 };
-/// power = K mean g_el^2 / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it. The mean is that
-/// of a pattern going with sine^-4 which has the value and the slope of this one in the piece's middle. It lies in range as
+/// power = K mean(g_el^2 / r^2) (new horizon - old horizon), r at least 1 m, as the quantum takes it. The mean is to second order
+/// that of a pattern going with sine^-4 which has the value and the slope of this one in the piece's middle, and of a range whose
+/// inverse goes with the sine, as over any straight surface. It lies in range as
 /// the surface's rise over the rays does, a parabola, and as what falls on it and comes back: echo_bow().
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
 

@@ -90,11 +90,11 @@ struct PatternDrop {
 inline bool meets_drop(double sine0, double sine1, double low, double high) { return (sine0 < high) & (sine1 > low); }
 
 /// Whether a piece that rises to `sine` may be taken at its middle, and what it returns laid out in range to first order: the ranges
-/// of its ends differ by at most the factor `most`, and it is a short_rise(). Ranges below a metre count as a metre.
+/// of its ends differ by at most an eighth, and it is a short_rise(). Ranges below a metre count as a metre.
 inline constexpr double most_range_ratio = 1.125;
-inline bool one_range(double range0_m, double range1_m, double sine_step, double sine, double most = most_range_ratio) {
+inline bool one_range(double range0_m, double range1_m, double sine_step, double sine) {
     const double a = range0_m > 1 ? range0_m : 1, b = range1_m > 1 ? range1_m : 1;
-    return (a < b ? b : a) <= most * (a < b ? a : b) && short_rise(sine_step, sine);
+    return (a < b ? b : a) <= most_range_ratio * (a < b ? a : b) && short_rise(sine_step, sine);
 }
 
 /// Whether a piece's bump moves its middle in range by a tenth of a bin at the most from half-way between its ends, as it

@@ -2,6 +2,8 @@
 // folder of a store; and what info counts in a raster.
 #include <catch2/catch.hpp>
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -9,6 +11,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/cli.hpp"
@@ -224,6 +227,40 @@ TEST_CASE("info says that a legend is not for a scene", "[cli]") {
     CHECK(page.code == 0);
     CHECK_THAT(page.err, Contains("culture-legend is for rasters; the scene 'a.ini' goes by a key"));
     CHECK(folder.run({"info", "a.ini"}).err.empty());
+    refuses(folder, {"info", "--verify", "a.ini"}, 2, {"verify is for tile stores", "'a.ini' is a scene"});
+}
+
+TEST_CASE("info resolves a scene by its own config and the command line's memory", "[cli]") {
+    const Folder folder;
+    folder.write("a.ini", "dem = " + dem + "\nxy = 453717,3740093\naltitude-msl = 3km\nrange = 5km\n");
+    const auto scene_of = [&](const Strings& more) {
+        const Outcome page = folder.run(with({"info", "--json"}, more));
+        INFO(page.err);
+        REQUIRE(page.code == 0);
+        return nlohmann::json::parse(page.out)["files"].back()["scene"];
+    };
+    CHECK(scene_of({"a.ini", "--memory", "48MiB"})["memory"] == "48MiB");
+    // A post's height may be read as that of the pixel's corner: what stands below the sensor is another then.
+    folder.write("p.ini", content(folder.file("a.ini")) + "config = GTIFF_POINT_GEO_IGNORE=YES\n");
+    const auto plain = scene_of({"a.ini"})["resolved"], pixel = scene_of({"p.ini"})["resolved"];
+    const Outcome plan = folder.run({"info", "--plan", "--json", "p.ini"});
+    REQUIRE(plan.code == 0);
+    CHECK(pixel == nlohmann::json::parse(plan.out)["scene"]["resolved"]);
+    // And only by its own.
+    CHECK(scene_of({"p.ini", "a.ini"})["resolved"] == plain);
+}
+
+TEST_CASE("a legend may come through a pipe, which gives it once", "[cli]") {
+    const Folder folder;
+    const std::string legend = folder.write("legend.csv", "code,material\n1,urban\n"), pipe = folder.file("pipe");
+    const std::string ground = grid(folder, "ground", "5"), culture = grid(folder, "culture", "1");
+    REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+    std::thread writer([&] { std::ofstream(pipe, std::ios::binary) << content(legend); });
+    const Outcome run = folder.run({"simulate", "--dem", ground, "--culture", culture, "--culture-legend", pipe, "--xy",
+                                    "465100,3750100", "--altitude-msl", "500m", "--range", "1km", "-o", "scope.png"});
+    writer.join();
+    INFO(run.err);
+    CHECK(run.code == 0);
 }
 
 TEST_CASE("tile works from inside a store", "[cli]") {

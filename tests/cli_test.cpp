@@ -90,6 +90,14 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
     refuses(folder, with(run, with(place, {"-om", "BOTH"})), 2, {"-om is 'BOTH'; it must be NORMAL"});
     refuses(folder, with(run, with(place, {"-vv", "300"})), 2, {"-vv is '300'", "255"});
     refuses(folder, with(run, with(place, {"-oz"})), 2, {"-oz"});
+    // What is auto is as if nobody had said it; a table of materials is for the response.
+    const Strings stands = {"--xy", "453717,3740093", "--altitude-agl", "100m", "--range", "3km"};
+    CHECK(
+        folder.run(with({"coverage", dem, "seen.tif", "--seen-value", "1", "--no-data-value", "auto"}, stands)).code ==
+        0);
+    fs::remove(folder.file("seen.tif"));
+    folder.write("classes.csv", "class,material\n");
+    refuses(folder, with(with(run, stands), {"--class-table", "classes.csv"}), 2, {"class-table"});
     refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2,
             {"geodesic", "-ox and -oy", "is in degrees; add --geometry geodesic"});
 }
@@ -330,6 +338,12 @@ TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothin
     refuses(folder, {"tile", "none.tif", "store"}, 1, {"none.tif"});
     const std::string row = grid(folder, "row", "5", true, 10, 1);
     refuses(folder, {"tile", row, "store"}, 1, {"dem '" + row + "' has 10 x 1 posts; accepted: at least 2 x 2"});
+    REQUIRE(folder.run({"tile", a, "made.store"}).code == 0);
+    for (const auto& [option, value] :
+         {std::pair{"--co", "COMPRESS=NONE"}, {"--tile-size", "1024"}, {"--features-touch", "on"}})
+        refuses(folder, {"tile", "--around", "33.89,-117.37", option, value, "made.store"}, 2,
+                {std::string(option) + " is given", "a store that stands"});
+    fs::remove_all(folder.work() / "made.store");
     fs::create_directory(folder.work() / "mine");
     folder.write("mine/letter.txt", "dear");
     refuses(folder, {"tile", a, "mine"}, 2, {"'mine'", "exists", "is no tile store"});

@@ -944,6 +944,10 @@ TEST_CASE("files that cannot be read or may not be written are refused", "[evalu
     CHECK(content(out).starts_with("h [m],s_h [m]"));
     CHECK_THAT(folder.refusal({"horizon", "--in", in, "-o", in, "--overwrite"}), Contains(in));
     CHECK(content(in) == "h [m]\n100\n");
+    const std::string antenna = folder.write("dish.csv", "0,0\n10,-20\n");
+    CHECK_THAT(folder.refusal({"antenna-elevation", "delta=5deg", "antenna=" + antenna, "-o", antenna, "--overwrite"}),
+               Contains("antenna") && Contains(antenna));
+    CHECK(content(antenna) == "0,0\n10,-20\n");
     const Outcome full = folder.start({"horizon", "--in", in}, "/dev/full");
     CHECK(full.code == 1);
     CHECK_THAT(full.err, Contains("cannot write to standard output"));

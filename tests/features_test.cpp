@@ -532,6 +532,12 @@ TEST_CASE("a raster says which side of culture's cells reflects, and features li
     side.value = [](int c, int r) { return c == 7 && r == 9 ? 541 : -1; };
     CHECK_THAT(refused(side, 1), Contains("side.tif': value at column 7, row 9 is 541") && Contains("0 to 359 (uni"));
     side.value = [](int, int) { return 10; };
+    side.scale = 2;
+    CHECK_THAT(refused(side, 1), Contains("side.tif' has band scale 2 and offset 0; accepted: plain codes"));
+    side.scale = 1;
+    const std::string crs = std::exchange(side.crs, "EPSG:32612");
+    CHECK_THAT(refused(side, 1), Contains("side.tif' is in CRS 'EPSG:32612'") && Contains("that of the culture"));
+    side.crs = crs;
     side.geotransform = {x_at(701), step, 0, y_at(600), 0, -step};
     CHECK_THAT(refused(side, 1), Contains("side.tif' has another grid than culture '"));
     CHECK_THAT(run({"tile", dem, folder / "none", "--directivity", folder / "side.tif"}, 2),

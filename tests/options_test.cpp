@@ -456,6 +456,11 @@ TEST_CASE("an error asked for chooses the quickest quality that promises it", "[
 TEST_CASE("a sector runs clockwise, through the back too, and the full circle is none", "[options]") {
     const Settings back = simulated({"--sector", "170deg,-170deg"});
     CHECK(back.scene.sector->to.deg() - back.scene.sector->from.deg() == Approx(20));
+    for (const char* twice : {"350deg,-350deg", "300deg,-300deg"}) {  // round north, each angle as help allows it
+        const auto sector = simulated({"--sector", twice}).scene.sector;
+        REQUIRE(sector);
+        CHECK(sector->to.deg() - sector->from.deg() == Approx(twice[1] == '5' ? 20 : 120));
+    }
     CHECK_FALSE(simulated({"--sector", "-180deg,180deg"}).scene.sector);
     CHECK_FALSE(simulated({"--sector", "0,360deg"}).scene.sector);
     for (const char* bad :
@@ -817,7 +822,7 @@ TEST_CASE("all parameters survive the way through JSON to the bit", "[options]")
                                   "--culture-height-scale",
                                   "0.1"});
     const auto json = parameters_json(s, true);
-    const Settings back = settings_from_json(nlohmann::ordered_json::parse(json.dump()));
+    const Settings back = settings_from({}, given_in_json(nlohmann::ordered_json::parse(json.dump())));
     CHECK(parameters_json(back, true) == json);
     CHECK(back.scene.platform.latlon->lat_deg == s.scene.platform.latlon->lat_deg);
     CHECK(back.scene.platform.altitude_m == s.scene.platform.altitude_m);
@@ -922,6 +927,15 @@ TEST_CASE("what is no radar set is refused by name, with the line and what is ac
     CHECK_NOTHROW(simulated({"--set", file.write("mine.ini", "frequency = 9"), "--frequency", "9GHz"}));
 }
 
+TEST_CASE("what is a secret of --config stays out of what is handed on", "[options]") {
+    const Settings s = simulated({"--config", "AWS_SECRET_ACCESS_KEY=hunter2", "--config",
+                                  "GDAL_HTTP_USERPWD=me:hunter2", "--config", "GTIFF_POINT_GEO_IGNORE=YES"});
+    CHECK(s.config.front().second == "hunter2");
+    const std::string all = parameters_json(s, true).dump();
+    CHECK_THAT(all, !Contains("hunter2") && Contains("AWS_SECRET_ACCESS_KEY=(not shown)") &&
+                        Contains("GTIFF_POINT_GEO_IGNORE=YES"));
+}
+
 TEST_CASE("an antenna's file is read into points that need no file any more", "[options]") {
     const SceneFile file("antenna = dish.csv\n");
     file.write("dish.csv",
@@ -939,7 +953,7 @@ TEST_CASE("an antenna's file is read into points that need no file any more", "[
               quantity_text(Dimension::angle, 0.1).substr(0, quantity_text(Dimension::angle, 0.1).find("deg")) +
               ",-10;33.333,-12");
     std::filesystem::remove(file.folder() + "/dish.csv");
-    const Settings back = settings_from_json(nlohmann::ordered_json::parse(json.dump()));
+    const Settings back = settings_from({}, given_in_json(nlohmann::ordered_json::parse(json.dump())));
     CHECK(back.scene.radar.antenna.points == antenna.points);
     CHECK(back.antenna_file.empty());
     // A law on the command line takes its place, whole.
@@ -956,7 +970,7 @@ TEST_CASE("an antenna's file is read into points that need no file any more", "[
     for (int i = 0; i < 200; ++i, beta += step(random)) content += fmt::format("{},{}\n", beta, gain(random));
     const Settings many = simulated({"--antenna", file.write("many.csv", content)});
     REQUIRE(many.scene.radar.antenna.points.size() == 200);
-    CHECK(settings_from_json(parameters_json(many, false)).scene.radar.antenna.points ==
+    CHECK(settings_from({}, given_in_json(parameters_json(many, false))).scene.radar.antenna.points ==
           many.scene.radar.antenna.points);
 }
 

@@ -337,6 +337,8 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     folder.make(with({"simulate", ini, "--if-gain", "41dB", "--echo", folder / "other.tif"}, outputs(folder, "full")));
     folder.make(
         with({"simulate", ini, "--legend", "on", "--echo", folder / "legend.tif"}, outputs(folder, "labelled")));
+    // Nor is any of it replaced.
+    refuses(folder, {"scope", folder / "echo.tif", ini, "-o", folder / "ground.tif", "--overwrite"}, 2, {"dem"});
     fs::remove(folder / "ground.tif");
     folder.make(with({"scope", folder / "echo.tif", ini, "--if-gain", "41dB"}, outputs(folder, "again")));
     CHECK((folder.files("full") == folder.files("again")));

@@ -166,6 +166,38 @@ TEST_CASE("where a pattern bends within a piece, pieces are so short that their 
     }
 }
 
+TEST_CASE("along straight ground a piece's echo is that of all its parts", "[shade]") {
+    AntennaParams csc2;
+    csc2.knee = Angle::degrees(1);
+    double most_off = 0, most_off_at_middle = 0;
+    for (const AntennaParams& antenna : {antenna_of({{-180, 0}, {180, 0}}), csc2}) {
+        const PatternTable table(antenna);
+        for (const double up : {-40.0, -400.0})
+            for (const double slope : {0.0, 0.01, -0.01})
+                for (double out = 6 * -up; out < 25 * -up; out *= 1.3) {
+                    const double step = out / 8;  // as long as one_range() lets it be
+                    const auto range_at = [&](double u) { return std::hypot(up + slope * u * step, out + u * step); };
+                    const auto sine_at = [&](double u) { return (up + slope * u * step) / range_at(u); };
+                    constexpr int parts = 1000;
+                    double sum = 0, sine = sine_at(0);
+                    for (int i = 1; i <= parts; ++i) {
+                        const double next = sine_at(static_cast<double>(i) / parts),
+                                     gain = elevation_pattern(antenna, -std::asin(0.5 * (sine + next)));
+                        sum += gain * gain * (next - sine) / std::pow(range_at((i - 0.5) / parts), 2);
+                        sine = next;
+                    }
+                    REQUIRE(one_range(range_at(0), range_at(1), sine_at(1) - sine_at(0), sine_at(1)));
+                    const double power = piece_power(sine_at(0), sine_at(1), range_at(0), range_at(1), table, 1),
+                                 range = 0.5 * (range_at(0) + range_at(1)),
+                                 at_middle = piece_power(sine_at(0), sine_at(1), range, range, table, 1);
+                    most_off = std::max(most_off, std::abs(power / sum - 1));
+                    most_off_at_middle = std::max(most_off_at_middle, std::abs(at_middle / sum - 1));
+                }
+    }
+    CHECK(most_off < 6e-4);
+    CHECK(most_off_at_middle > 7e-3);
+}
+
 TEST_CASE("points that follow a law give what the law gives", "[shade]") {
     AntennaParams law;
     law.knee = Angle::degrees(4);

@@ -255,7 +255,12 @@ void GdalSession::settle() {
 }
 
 // GDAL takes its drivers down itself when the program ends; whoever still holds a raster then does no harm.
-GdalSession::~GdalSession() = default;
+GdalSession::~GdalSession() {
+    const std::lock_guard lock(wishes().mutex);
+    if (gdal_is_loaded())
+        for (const auto& [key, value] : wishes().config) CPLSetConfigOption(key.c_str(), nullptr);
+    wishes().config.clear();
+}
 
 std::size_t GdalSession::most_parts_open() {
     constexpr int gdals_own = 100;

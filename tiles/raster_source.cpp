@@ -359,9 +359,7 @@ void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
             "CSV file of code,material");
     culture_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
     const RasterFacts& facts = culture_->facts();
-    if (facts.scale != 1 || facts.offset != 0)
-        throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
-                             "; accepted: plain codes, scale 1 and offset 0"));
+    refuse_scaled_codes(facts);
     data_base_.has_culture = true;
     data_base_.culture_name = facts.path;
     data_base_.legend_name = params_.legend->name();

@@ -123,6 +123,12 @@ void refuse_other_crs(const RasterFacts& layer, const RasterFacts& terrain, cons
                              "; use: ", warp_line(terrain, layer)));
 }
 
+void refuse_scaled_codes(const RasterFacts& layer) {
+    if (layer.scale != 1 || layer.offset != 0)
+        throw DataError(text(layer.named(), " has band scale ", layer.scale, " and offset ", layer.offset,
+                             "; accepted: plain codes, scale 1 and offset 0"));
+}
+
 RegisteredLayer::RegisteredLayer(std::unique_ptr<RasterLayer> raster, const RasterFacts& terrain)
     : raster_(std::move(raster)), ledger_(std::make_unique<TileLedger>(raster_->facts())) {
     const RasterFacts& own = raster_->facts();

@@ -126,5 +126,7 @@ private:
 
 /// DataError with the gdalwarp line to use if both rasters have a CRS and these differ. `dem`: word for the second.
 void refuse_other_crs(const RasterFacts& layer, const RasterFacts& terrain, const std::string& dem);
+/// DataError where the band's own scale or offset would make other numbers of codes.
+void refuse_scaled_codes(const RasterFacts& layer);
 
 }  // namespace wedgescope

@@ -6,6 +6,7 @@
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/raster_file.hpp"
+#include "tiles/registered_layer.hpp"
 
 namespace wedgescope {
 namespace {
@@ -26,6 +27,8 @@ SidedLayer::SidedLayer(std::unique_ptr<RasterLayer> culture, SideRasterParams pa
         throw DataError(text(b.named(), " has another grid than ", a.named(), ": ", b.columns, " x ", b.rows,
                              " cells from ", b.corner_x, ", ", b.corner_y, ", not ", a.columns, " x ", a.rows, " from ",
                              a.corner_x, ", ", a.corner_y, "; accepted: the culture raster's own"));
+    refuse_other_crs(b, a, "the culture");
+    refuse_scaled_codes(b);
     prepare();
 }
 

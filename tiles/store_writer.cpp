@@ -170,10 +170,7 @@ void StoreWriter::open_layers() {
     if (!params_.culture.empty()) {
         add(StoreLayerKind::culture, "culture", params_.culture);
         const BurntLayer* const over = layers_.back()->burnt.get();
-        const RasterFacts& facts = over ? over->below()->facts() : layers_.back()->facts();
-        if (facts.scale != 1 || facts.offset != 0)
-            throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
-                                 "; accepted: plain codes, scale 1 and offset 0"));
+        refuse_scaled_codes(over ? over->below()->facts() : layers_.back()->facts());
         // Only to be refused if it does not fit.
         const RegisteredLayer check(std::make_unique<RasterFile>("culture", params_.culture), terrain);
     } else if (is_burnt(StoreLayerKind::culture)) {

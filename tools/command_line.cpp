@@ -33,7 +33,7 @@ bool has_flag(const std::vector<std::string>& arguments, const std::string& flag
     for (const std::string& word : arguments) {
         if (word == "--") break;  // files from here on
         if (word == flag) on = true;
-        if (word.starts_with(flag + "=")) on = !same_letters(word.substr(flag.size() + 1), "off");
+        if (word.starts_with(flag + "=")) on = parse_switch(flag, word.substr(flag.size() + 1));
     }
     return on;
 }

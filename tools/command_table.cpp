@@ -88,10 +88,14 @@ const CommandInfo& command_by_name(std::string_view name) {
 std::string whose(std::string_view word) {
     const Key* key = find_key(word);
     if (!key) return "";
-    std::string owners;
+    std::vector<std::string> owners;
     for (const CommandInfo& info : command_table())
-        if (key->commands & info.command) owners += text(owners.empty() ? "; it is " : " and ", info.name, "'s");
-    return owners;
+        if (key->commands & info.command) owners.push_back(text(info.name, "'s"));
+    if (owners.empty()) return "";
+    std::string all = "; it is ";
+    for (std::size_t i = 0; i < owners.size(); ++i)
+        all += text(i == 0 ? "" : i + 1 < owners.size() ? ", " : " and ", owners[i]);
+    return all;
 }
 
 }  // namespace wedgescope

@@ -93,6 +93,10 @@ void check_response(const Settings& settings) {
                                   " m; the layer response is of the ground itself and takes 0 alone"));
         return;
     }
+    // A store's own stands by its response.
+    if (const std::string table = settings.spelled("class-table");
+        settings.given.contains("class-table") && table == "--class-table")
+        throw InputError(text(table, " is given; of coverage it is for --layer response alone"));
     for (const Key& key : key_table())
         if (key.of_response && key.get(settings) != key.get(defaults))
             throw InputError(text("--", key.name, " is ", in_quotes(key.get(settings).value_or("")),
@@ -100,11 +104,11 @@ void check_response(const Settings& settings) {
 }
 
 /// No data and outside are 1 where nobody says otherwise, or what is left where seen or hidden is that: a mask of 1 and 0, say.
-void keep_apart(MaskValues& mask, const std::map<std::string, std::string>& given) {
+void keep_apart(MaskValues& mask, const Settings& settings) {
     std::uint8_t left = 1;
     while (left == mask.seen || left == mask.hidden) ++left;
-    if (!given.contains("no-data-value")) mask.no_data = left;
-    if (!given.contains("outside-value")) mask.outside = left;
+    if (!settings.no_data_value) mask.no_data = left;
+    if (!settings.given.contains("outside-value")) mask.outside = left;
 }
 
 /// Settings of a command line, complete and checked as far as the line goes.
@@ -119,7 +123,7 @@ Settings settings_of(const ViewshedArguments& translated) {
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
     settings.needs_classes = settings.coverage.layer == CoverageLayer::response;
-    if (!settings.snap_to_post) keep_apart(settings.coverage.mask, settings.given);
+    if (!settings.snap_to_post) keep_apart(settings.coverage.mask, settings);
     check_response(settings);
     check_complete(settings);
     check_temp_dir(settings);
@@ -174,15 +178,15 @@ void tell(const Settings& settings, const Covered& covered, const Usage& usage, 
     for (const std::string& line : doubts_of_rays(covered.scene, settings.coverage.layer == CoverageLayer::response))
         say(line);
     if (settings.coverage.layer == CoverageLayer::response)
-        for (const std::string& line : idle_effects(settings.scene, db)) say(line);
+        for (const std::string& line : idle_effects(settings.scene, db, legend(settings))) say(line);
     const double rate = static_cast<double>(db.columns) * static_cast<double>(db.rows) / wall_s * 1e-6;
     say(text("written: ", settings.output,
              fmt::format(" ({:.1f} s, {:.{}f} Mposts/s)", wall_s, rate, rate < 10 ? 2 : 0)));
-    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
+    if (settings.profile || settings.verbose) say_as_it_is(report_table(report, usage));
     if (settings.profile)
-        fmt::print(stderr, "{}",
-                   limits_words(settings, coverage_stages(report.total(), db, report.write_s,
-                                                          usage.written_bytes.value_or(0), usage)));
+        say_as_it_is(
+            limits_words(settings, coverage_stages(report.total(), db, report.write_s,
+                                                   bytes_of_outputs(usage, report.source.spilled_bytes), usage)));
 }
 
 }  // namespace

@@ -231,6 +231,15 @@ private:
 
 // ------------------------------------------------------------------------------------------------- single values
 
+/// InputError where the output would replace the table or a file of a pattern.
+void check_output_name(const Fixed& fixed, const Settings& settings) {
+    if (settings.output == "-") return;
+    NamedPaths inputs{{"in", settings.table == "-" ? "" : settings.table}};
+    for (const auto& value : fixed)
+        if (value && value->file) inputs.emplace_back("antenna", value->file->path);
+    check_names({{"output", settings.output}}, inputs);
+}
+
 void evaluate_once(const Model& model, const Fixed& fixed, const Settings& settings) {
     std::vector<ModelValue> values;
     std::vector<std::string> missing;
@@ -264,10 +273,9 @@ void evaluate_once(const Model& model, const Fixed& fixed, const Settings& setti
         const ModelInput& input = model.inputs[i];
         header += text(header.empty() ? "" : ",",
                        column_name(input.name, values[i].word || values[i].file ? "" : input.unit));
-        row += text(row.empty() ? "" : ",", values[i].file ? csv_cell(values[i].file->path)
-                                            : values[i].word
-                                                ? input.words[static_cast<std::size_t>(*values[i].word)]
-                                                : written(in_own_unit(input.unit, values[i].number), settings.digits));
+        row += text(row.empty() ? "" : ",", values[i].file   ? csv_cell(values[i].file->path)
+                                            : values[i].word ? input.words[static_cast<std::size_t>(*values[i].word)]
+                                                             : text(in_own_unit(input.unit, values[i].number)));
     }
     for (std::size_t i = 0; i < outputs.size(); ++i) {
         header += text(",", column_name(model.outputs[i].name, model.outputs[i].unit));
@@ -450,7 +458,6 @@ private:
 void evaluate_table(const Model& model, const Fixed& fixed, const Settings& settings, const Stop& stop) {
     const std::string& path = settings.table;
     const std::string subject = path == "-" ? "table on standard input" : text("table ", in_quotes(path));
-    if (path != "-" && settings.output != "-") check_names({{"output", settings.output}}, {{"in", path}});
     TableStream table(path, subject, stop);
     TableEvaluation evaluation(model, fixed, subject, table);
     Sink sink(settings.output, settings.overwrite);
@@ -473,6 +480,7 @@ void evaluate(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.files.empty()) throw InputError("no model is given; wedgescope evaluate --list names them all");
     const Model& model = model_by_name(settings.files[0]);
     const Fixed fixed = fixed_values(model, settings.files);
+    check_output_name(fixed, settings);
     if (settings.table.empty()) return evaluate_once(model, fixed, settings);
     evaluate_table(model, fixed, settings, stop);
 }

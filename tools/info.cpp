@@ -361,10 +361,21 @@ void check_one_place(const Settings& settings) {
             "track is given; info looks at one place (give that of one of its rows: latlon or xy, and an altitude)");
 }
 
-SceneFacts scene_facts(const std::string& path, const Stop& stop) {
+/// What a command line of info says of the scenes among its files.
+std::vector<Given> said_of_scenes(const Settings& settings) {
+    std::vector<Given> said;
+    for (const char* key : {"memory", "threads", "class-table"})
+        if (settings.given.contains(key) && settings.spelled(key).starts_with("--"))
+            said.push_back({key, find_key(key)->get(settings).value_or(""), settings.spelled(key), ""});
+    for (const auto& [name, value] : settings.config)
+        said.push_back({"config", text(name, "=", value), settings.spelled("config"), ""});
+    return said;
+}
+
+SceneFacts scene_facts(const Settings& settings, const std::string& path, const Stop& stop) {
     SceneFacts facts;
     facts.path = path;
-    facts.settings = parse_scene_file(path);
+    facts.settings = settings;
     check_one_place(facts.settings);
     check_complete(facts.settings);
     const DataBaseParams layers = data_base_params(facts.settings, cache_bytes(facts.settings), stop);
@@ -571,7 +582,9 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.help) return print(help_text(command_by_name("info")));
     if (settings.files.empty() && !settings.plan)
         throw InputError("info needs the path of a raster or of a scene file (*.ini)");
-    const GdalSession session(cache_bytes(settings), settings.config);
+    if (settings.plan && settings.verify) throw InputError("verify is given with plan; it is for tile stores");
+    // Each scene has its own.
+    std::optional<GdalSession> session(std::in_place, cache_bytes(settings), settings.config);
     if (settings.plan) return print_plan(settings, stop);
     const bool own = settings.culture_legend == own_legend;  // each raster has one
     const std::optional<Legend> codes = own ? std::nullopt : legend(settings);
@@ -595,7 +608,11 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             if (!settings.culture_legend.empty())
                 remarks.push_back(text("culture-legend is for rasters; the scene ", in_quotes(path),
                                        " goes by a key culture-legend of its own"));
-            add(scene_facts(path, stop));
+            if (settings.verify) throw InputError(text("verify is for tile stores; ", in_quotes(path), " is a scene"));
+            const Settings scene = parse_scene_file(path, said_of_scenes(settings));
+            session.emplace(cache_bytes(scene), scene.config);
+            add(scene_facts(scene, path, stop));
+            session.emplace(cache_bytes(settings), settings.config);
         } else if (is_tile_store(path)) {
             const StoreFacts facts = store_facts(settings, path, stop, damage);
             add(facts);

@@ -69,6 +69,7 @@ Codec legend_choice() {
         const bool built_in =
             std::find(std::begin(built_in_legends), std::end(built_in_legends), word) != std::end(built_in_legends);
         s.culture_legend = built_in ? word : resolved_path(given);
+        s.legend_text = std::make_shared<TextOfFile>();
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
         return s.culture_legend.empty() ? std::nullopt : std::optional(s.culture_legend);
@@ -253,7 +254,7 @@ Codec sector() {
             throw InputError(
                 text(given.origin, " is ", in_quotes(given.value), "; each angle must be from -360deg to 360deg"));
         }
-        if (to < from) to += circle;
+        while (to < from) to += circle;
         const double width = to - from;
         if (!(width > circle * (Sector::least_width_deg / 360)) || width > circle * (1 + 1e-9)) {
             throw InputError(text(given.origin, " is ", in_quotes(given.value),

@@ -60,8 +60,9 @@ void LayerFiles::check(const Settings& settings) const {
 
 void LayerFiles::write(RunResult& result, const Settings& settings, const DataBase& data_base, const Stop& stop) {
     RasterFormat plain = plain_format(settings), chosen = chosen_format(settings);
+    const std::string scene = scene_json(settings, result.scene);
     for (RasterFormat* format : {&plain, &chosen}) {
-        format->scene_json = scene_json(settings, result.scene);
+        format->scene_json = scene;
         format->crs_wkt = data_base.crs_wkt;
         format->metres_per_unit = data_base.metres_per_unit;
     }

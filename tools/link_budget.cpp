@@ -310,10 +310,13 @@ void link_budget(const std::vector<std::string>& arguments, Stop& stop) {
     if (!settings.track.empty())
         throw InputError("track is given; budget looks from one place (give latlon or xy, and an altitude)");
     // Of a scene file that simulate takes.
+    for (auto file : {&Settings::echo, &Settings::power, &Settings::states, &Settings::ground_file})
+        (settings.*file).clear();
     settings.work_dir.clear();
     settings.resume = false;
     settings.only_wedges.reset();
     check_complete(settings);
+    check_temp_dir(settings);
     const GdalSession session(cache_bytes(settings), settings.config);
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     // Where the scene's range is given the cell is known before anything but the ground below the sensor is read, and its azimuth

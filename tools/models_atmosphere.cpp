@@ -127,7 +127,9 @@ const RainEcho& rain_echo_of(const Arguments& a, double far_m) {
     std::vector<double> now = weather_key(params, radar.frequency_hz);
     for (const char* name : {"P_t", "G_0", "L_s", "tau", "theta_3", "beta_0", "theta_el", "p", "tilt", "g_floor"})
         now.push_back(a[name]);
-    for (const char* name : {"pattern", "antenna", "pol"}) now.push_back(*a.word(name));
+    for (const char* name : {"pattern", "antenna", "pol"}) now.push_back(a.word(name).value_or(-1));
+    if (const PatternFile* file = a.file("antenna"))
+        for (const PatternPoint& point : file->points) now.insert(now.end(), {point.depression.rad(), point.gain.db()});
     for (const double value : {echo.earth.inverse_radius(), echo.sensor_m, echo.reference_m, echo.most_range_m})
         now.push_back(value);
     if (now != key || !last) {

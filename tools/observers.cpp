@@ -460,14 +460,11 @@ private:
         say(text("written: ", settings_.output,
                  fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s_,
                              static_cast<double>(observers_->size()) / sweep_->sweep_s())));
-        if (settings_.profile || settings_.verbose)
-            fmt::print(stderr, "{}", observers_table(*observers_, *sweep_, facts_, usage_));
+        if (settings_.profile || settings_.verbose) say_as_it_is(observers_table(*observers_, *sweep_, facts_, usage_));
         if (!settings_.profile) return;
-        // What else the run wrote went to the scratch file.
-        const std::uint64_t written = usage_.written_bytes.value_or(0), scratch = facts_.scratch_written;
-        fmt::print(stderr, "{}",
-                   limits_words(settings_, coverage_stages(sweep_->total(), source_->data_base(), facts_.write_s,
-                                                           written - std::min(written, scratch), usage_)));
+        say_as_it_is(
+            limits_words(settings_, coverage_stages(sweep_->total(), source_->data_base(), facts_.write_s,
+                                                    bytes_of_outputs(usage_, facts_.scratch_written), usage_)));
     }
 
     const double start_s_;

@@ -72,8 +72,9 @@ std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vecto
 }
 
 bool asks_for_help(const std::vector<Given>& command_line) {
-    return std::any_of(command_line.begin(), command_line.end(),
-                       [](const Given& given) { return given.key == "help" && !same_letters(given.value, "off"); });
+    return std::any_of(command_line.begin(), command_line.end(), [](const Given& given) {
+        return given.key == "help" && parse_switch(given.origin, given.value);
+    });
 }
 
 /// What a tile store brings unless it is given: the class table of its features' classes, and how many metres one unit
@@ -161,9 +162,10 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
             command_line.push_back(one);
     std::vector<Given> given = merged(scene_file, command_line);
     if (command != command_simulate && !has_track(given)) leave_out_track_keys(given);
-    // Of tile's and coverage's paths the last is an output.
+    // Of tile's and coverage's paths the last is an output; help and evaluate take words that are no paths.
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
-    std::vector<std::string> stores = files;
+    std::vector<std::string> stores;
+    if (writes || command == command_tile || command == command_info) stores = files;
     if (writes && stores.size() > 1) stores.pop_back();  // tile --around may be given a store alone
     // A store that info is only to tell of may be damaged; a legend may name the classes of its table.
     const bool only_told_of = taken == command_info && std::none_of(given.begin(), given.end(), [](const Given& one) {
@@ -179,8 +181,8 @@ bool names_scene(std::string_view path) {
     return path.size() >= 4 && same_letters(path.substr(path.size() - 4), ".ini");
 }
 
-Settings parse_scene_file(const std::string& path) {
-    std::vector<Given> given = merged(read_scene_file(path), {});
+Settings parse_scene_file(const std::string& path, const std::vector<Given>& command_line) {
+    std::vector<Given> given = merged(read_scene_file(path), command_line);
     if (!has_track(given)) leave_out_track_keys(given);
     add_store_defaults(given, {});
     return settings_of(given);

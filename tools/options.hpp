@@ -16,8 +16,8 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
                          const std::vector<Given>& more = {}, const std::vector<Given>& defaults = {});
 /// Has the path the ending of a scene file, .ini?
 bool names_scene(std::string_view path);
-/// A scene file alone, as `info` reads it.
-Settings parse_scene_file(const std::string& path);
+/// A scene file as `info` reads it, under what the command line says of it.
+Settings parse_scene_file(const std::string& path, const std::vector<Given>& command_line = {});
 
 /// What is asked of `scope`: ECHO [setting.ini].
 struct ScopeRequest {

@@ -181,6 +181,14 @@ nlohmann::ordered_json sampling_json(const Sampling& sampling) {
             {"spoke_lead", sampling.lead}};
 }
 
+nlohmann::ordered_json levels_json(const LevelPosts& posts) {
+    nlohmann::ordered_json out = nlohmann::ordered_json::array();
+    for (std::size_t level = 0; level < posts.size(); ++level)
+        if (posts[level] > 0)
+            out.push_back({{"level", level}, {"posts_read", posts[level]}, {"stand_for", posts[level] << (2 * level)}});
+    return out;
+}
+
 nlohmann::ordered_json promise_json(const Promise& promise) {
     return {{"rms_db", promise.error.rms_db},
             {"p99_db", promise.error.p99_db},
@@ -254,13 +262,9 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
          {{"planned", std::max(report.source.planned_pass_peak_bytes, plan.peak_bytes)},
           {"actual", std::max(report.source.pass_peak_bytes, report.peak_held_bytes)}}}};
     out["reused"] = reused_count(report);
-    out["levels"] = json::array();
-    for (std::size_t level = 0; level < WedgeReport{}.level_posts.size(); ++level) {
-        std::uint64_t posts = 0;
-        for (const WedgeReport& wedge : report.wedges) posts += wedge.level_posts[level];
-        if (posts > 0)
-            out["levels"].push_back({{"level", level}, {"posts_read", posts}, {"stand_for", posts << (2 * level)}});
-    }
+    LevelPosts posts{};
+    for (const WedgeReport& wedge : report.wedges) add_levels(posts, wedge.level_posts);
+    out["levels"] = levels_json(posts);
     out["sampling"] = sampling_json(run.sampling);
     out["promise"] = promise_json(run.promise);
     out["stages_wall_s"] =
@@ -352,6 +356,11 @@ StageWork load_work(double load_s, std::uint64_t decoded_bytes, const Usage& usa
     return {"load", load_s, decoded, packed ? StageWork::decode : StageWork::file};
 }
 
+std::uint64_t bytes_of_outputs(const Usage& usage, std::uint64_t scratch) {
+    const std::uint64_t all = usage.written_bytes.value_or(0);
+    return all - std::min(all, scratch);
+}
+
 std::vector<StageWork> stage_work(const RunReport& report, double write_s, const Usage& usage) {
     const WedgeReport all = sum(report.wedges.begin(), report.wedges.end());
     const auto cells =
@@ -365,7 +374,8 @@ std::vector<StageWork> stage_work(const RunReport& report, double write_s, const
             {"beam", report.beam_s, cells * 2 * image_cell, StageWork::memory},
             {"receiver", report.receiver_s, cells * 2 * image_cell, StageWork::memory},
             {"display", report.display_s, cells * (image_cell + sizeof(std::uint8_t)), StageWork::memory},
-            {"write", write_s, static_cast<double>(usage.written_bytes.value_or(0)), StageWork::write}};
+            {"write", write_s, static_cast<double>(bytes_of_outputs(usage, report.source.spilled_bytes)),
+             StageWork::write}};
 }
 
 }  // namespace wedgescope

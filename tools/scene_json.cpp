@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "lib/detail.hpp"
+#include "lib/lower_case.hpp"
 #include "lib/receiver.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/echo_file.hpp"
@@ -11,6 +12,20 @@
 #include "tools/options.hpp"
 
 namespace wedgescope {
+
+namespace {
+
+/// As files may hold it that are handed on: options of GDAL's bear passwords and keys of web servers too.
+std::string without_secret(const std::string& name, const std::string& value) {
+    const std::string word = lower_case(name);
+    for (const char* secret :
+         {"secret", "password", "passwd", "token", "userpwd", "access_key", "api_key", "credential", "private_key",
+          "header", "cookie", "signature", "_sas", "connection_string"})
+        if (word.find(secret) != std::string::npos) return "(not shown)";
+    return value;
+}
+
+}  // namespace
 
 nlohmann::ordered_json parameters_json(const Settings& settings, bool everything) {
     nlohmann::ordered_json out = nlohmann::ordered_json::object();
@@ -22,7 +37,8 @@ nlohmann::ordered_json parameters_json(const Settings& settings, bool everything
             if (key.name == "co") {
                 for (const auto& option : settings.creation) list.push_back(option);
             } else {
-                for (const auto& [name, value] : settings.config) list.push_back(name + "=" + value);
+                for (const auto& [name, value] : settings.config)
+                    list.push_back(text(name, "=", without_secret(name, value)));
             }
             out[key.name] = list;
             continue;
@@ -49,10 +65,6 @@ std::vector<Given> given_in_json(const nlohmann::ordered_json& parameters) {
         }
     }
     return given;
-}
-
-Settings settings_from_json(const nlohmann::ordered_json& parameters) {
-    return settings_from({}, given_in_json(parameters));
 }
 
 Settings with_resolved(const Settings& settings, const ResolvedScene& resolved) {

@@ -12,9 +12,7 @@ namespace wedgescope {
 /// All parameters after defaults, key -> text as a scene file takes it; null where nothing was given.
 /// `everything` off: only what changes the picture (SCENE_JSON), so that no split, path or budget shows in an output.
 nlohmann::ordered_json parameters_json(const Settings& settings, bool everything);
-/// And back.
-Settings settings_from_json(const nlohmann::ordered_json& parameters);
-/// The same, one by one; null ones left out. DataError.
+/// And back, for settings_from(); null ones left out. DataError.
 std::vector<Given> given_in_json(const nlohmann::ordered_json& parameters);
 
 /// `settings` with the numbers that the data base gave for what was left open.

@@ -23,11 +23,11 @@
 namespace wedgescope {
 namespace {
 
+/// With those that its scene file names, though their data stand in the echo already.
 NamedPaths scope_inputs(const Settings& s) {
-    return {{"the echo image", s.files[0]},
-            {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
-            {"set", set_file(s)},
-            {"antenna", s.antenna_file}};
+    NamedPaths inputs{{"the echo image", s.files[0]}, {"the scene file", s.files.size() > 1 ? s.files[1] : ""}};
+    for (NamedPath& of_scene : data_paths(s)) inputs.push_back(std::move(of_scene));
+    return inputs;
 }
 
 void check_scope_names(const Settings& s) {

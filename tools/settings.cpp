@@ -10,17 +10,6 @@ namespace wedgescope {
 
 const char* version() { return WEDGESCOPE_VERSION; }
 
-std::optional<Legend> legend(const Settings& settings) { return legend(settings, settings.culture); }
-
-std::optional<Legend> legend(const Settings& settings, const std::string& culture) {
-    const std::string& name = settings.culture_legend;
-    const Materials& materials = settings.scene.materials;
-    if (name.empty()) return std::nullopt;
-    if (name != own_legend) return legend("culture-legend", name, materials);
-    if (culture.empty()) refuse_legend_alone(name);
-    return attribute_table_legend(culture, materials);
-}
-
 namespace {
 
 constexpr const char* built_in_legends = "fbfm40, nlcd, worldcover, smc";
@@ -32,7 +21,28 @@ std::string csv_of(const char* key, const std::string& path) {
     return text_of_file(subject, path, "it holds a line for each code", most_mib);
 }
 
+std::string culture_csv(const Settings& settings) {
+    const auto read = [&] { return csv_of("culture-legend", settings.culture_legend); };
+    if (!settings.legend_text) return read();
+    const std::lock_guard lock(settings.legend_text->mutex);
+    auto& known = settings.legend_text->text;
+    if (!known) known = read();
+    return *known;
+}
+
 }  // namespace
+
+std::optional<Legend> legend(const Settings& settings) { return legend(settings, settings.culture); }
+
+std::optional<Legend> legend(const Settings& settings, const std::string& culture) {
+    const std::string& name = settings.culture_legend;
+    const Materials& materials = settings.scene.materials;
+    if (name.empty()) return std::nullopt;
+    if (auto built_in = Legend::built_in(name)) return built_in;
+    if (name != own_legend) return Legend::from_csv(name, culture_csv(settings), materials);
+    if (culture.empty()) refuse_legend_alone(name);
+    return attribute_table_legend(culture, materials);
+}
 
 Legend legend(const char* key, const std::string& name, const Materials& materials) {
     if (auto built_in = Legend::built_in(name)) return *built_in;
@@ -57,7 +67,7 @@ std::string legend_path(const Settings& settings) {
 std::string legend_csv(const Settings& settings) {
     const std::string& name = settings.culture_legend;
     if (name.empty() || Legend::built_in(name)) return "";
-    return name == own_legend ? legend(settings)->csv(settings.scene.materials) : csv_of("culture-legend", name);
+    return name == own_legend ? legend(settings)->csv(settings.scene.materials) : culture_csv(settings);
 }
 
 int thread_count(const Settings& settings) {

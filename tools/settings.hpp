@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -21,6 +22,12 @@ namespace wedgescope {
 /// The program's version.
 const char* version();
 
+/// What a file holds, read when it is first asked for and then known to all copies: a pipe gives it once.
+struct TextOfFile {
+    std::mutex mutex;
+    std::optional<std::string> text;
+};
+
 struct Settings {
     Scene scene;
     bool altitude_given = false;
@@ -33,6 +40,7 @@ struct Settings {
     std::string dem, culture, culture_height;  ///< paths; empty: none
     double culture_height_scale = 1;
     std::string culture_legend;  ///< built-in word, rat or CSV path; empty: none
+    std::shared_ptr<TextOfFile> legend_text;  ///< no key: of that CSV file
     std::string class_table;     ///< path of the file that scene.materials come from; empty: none
     std::string material = "soil";
 

@@ -274,10 +274,9 @@ private:
         remark(settings_.quiet || terminal_, sensor_line());
         for (const std::string& unfit : {choice_.unfit, unfit_map_}) remark_unused(settings_.quiet, unfit);
         tell_doubts(settings_, *result_, ground_ ? &*ground_ : nullptr, *source_, legend_);
-        if (settings_.verbose || settings_.profile)
-            fmt::print(stderr, "{}", report_table(result_->report, outer_, usage_));
+        if (settings_.verbose || settings_.profile) say_as_it_is(report_table(result_->report, outer_, usage_));
         if (settings_.profile)
-            fmt::print(stderr, "{}", limits_words(settings_, stage_work(result_->report, outer_.write_s, usage_)));
+            say_as_it_is(limits_words(settings_, stage_work(result_->report, outer_.write_s, usage_)));
         std::string written = written_;
         if (settings_.only_wedges) {
             written += text(written.empty() ? "" : ", ", work_->kept(), " of ", work_->recorded_split().size(),

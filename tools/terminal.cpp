@@ -42,6 +42,8 @@ void remark(bool quiet, std::string_view line) {
     if (!quiet) std::fputs((one_line(line) + "\n").c_str(), stderr);
 }
 
+void say_as_it_is(const std::string& lines) { std::fputs(lines.c_str(), stderr); }
+
 std::string unused_line(const std::string& why) { return text("not used: ", why); }
 
 void remark_unused(bool quiet, const std::string& why) {

@@ -26,6 +26,9 @@ private:
 /// One line on stderr, unless `quiet`.
 void remark(bool quiet, std::string_view line);
 
+/// Lines of a table on stderr; like a remark nothing fails where nobody can read them.
+void say_as_it_is(const std::string& lines);
+
 /// The same for why something that lies there and might serve is not used; nothing where `why` is empty.
 void remark_unused(bool quiet, const std::string& why);
 /// What it says.
@@ -37,7 +40,7 @@ std::string one_line(std::string_view message);
 /// Writes to stdout; IoError if that fails (a full disk, a closed pipe).
 void print(std::string_view result);
 
-/// 1234567 -> "1.2 MB"; for people.
+/// 1234567 -> "1.2 MiB"; for people.
 std::string readable_bytes(double bytes);
 /// 1234567 -> "1 234 567".
 std::string grouped(std::uint64_t number);

@@ -256,13 +256,13 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.help) return print(help_text(command_by_name("tile")));
     check_around(settings);
     if (adds_to_store(settings)) {
-        for (const auto& [key, path] : {std::pair{"culture", &settings.culture},
-                                        {"culture-height", &settings.culture_height},
-                                        {"culture-legend", &settings.culture_legend},
-                                        {"features", &settings.features},
-                                        {"directivity", &settings.directivity}})
-            if (!path->empty())
-                throw InputError(text(key, " is ", in_quotes(*path), ", and ", in_quotes(settings.files[0]),
+        // Those without "--" are the store's own.
+        constexpr std::string_view of_a_spill[] = {
+            "around", "memory", "threads", "overwrite", "config", "quiet", "culture-height-scale"};
+        for (const auto& [key, word] : settings.given)
+            if (word.starts_with("-") &&
+                std::find(std::begin(of_a_spill), std::end(of_a_spill), key) == std::end(of_a_spill))
+                throw InputError(text(word, " is given, and ", in_quotes(settings.files[0]),
                                       " is a store that stands; around adds a spill to it and nothing else"));
         const GdalSession session(cache_bytes(settings), settings.config);
         const double seconds = keep_around(settings, settings.scene.materials, stop);

@@ -391,7 +391,8 @@ private:
     }
 
     void tell() const {
-        for (const std::string& line : idle_effects(frames_.settings(0).scene, source_->data_base())) say(line);
+        for (const std::string& line : idle_effects(frames_.settings(0).scene, source_->data_base(), legend(settings_)))
+            say(line);
         for (const std::string& line : idle_receiver(settings_.scene.receiver)) say(line);
         for (const std::string& line : maker_->doubts()) say(line);
         for (const std::string& line : doubts_of_heights(settings_.dem, *source_, settings_.culture_height_scale))
@@ -399,8 +400,8 @@ private:
         if (frames_.scans() && frames_.size() == 1)
             say("scan-step has no effect: a track of one row has no motion, and its sensor stands still");
         const TrackReport& report = maker_->report();
-        if (settings_.verbose || settings_.profile) fmt::print(stderr, "{}", track_table(report, usage_));
-        if (settings_.profile) fmt::print(stderr, "{}", limits_words(settings_, track_work(report, usage_)));
+        if (settings_.verbose || settings_.profile) say_as_it_is(track_table(report, usage_));
+        if (settings_.profile) say_as_it_is(limits_words(settings_, track_work(report, usage_)));
         remark_unused(settings_.quiet, unfit_map_);
         say(text("written: ", written(),
                  fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s_, report.frames_per_second())));

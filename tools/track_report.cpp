@@ -49,6 +49,7 @@ json frame_json(const TrackFrames& frames, std::size_t frame, const FrameReport&
     out["visible_pieces"] = r.pieces;
     out["refined_azimuth_bins"] = r.refined_bins;
     out["posts"] = r.posts;
+    out["levels"] = levels_json(r.level_posts);
     out["bytes_read"] = r.bytes;
     return out;
 }
@@ -95,6 +96,7 @@ void FrameReport::take(const RunResult& result) {
         refined_bins += w.refined_bins;
         posts += w.posts_read;
         bytes += w.bytes_read;
+        add_levels(level_posts, w.level_posts);
     }
     states = r.states;
     sampling = result.sampling;
@@ -115,6 +117,14 @@ void write_track_report(OutputFile& file, const Settings& settings, const TrackF
               {"open_s", open_s},
               {"lanes", report.lanes.lanes}};
     std::tie(tail["stages_wall_s"], tail["cpu_s"]) = sums(report.frames);
+    std::array<std::uint64_t, state_count> states{};
+    LevelPosts posts{};
+    for (const FrameReport& r : report.frames) {
+        for (std::size_t i = 0; i < states.size(); ++i) states[i] += r.states[i];
+        add_levels(posts, r.level_posts);
+    }
+    tail["states"] = states_json(states);
+    tail["levels"] = levels_json(posts);
     add_skipped(tail, source.skipped());
     tail["source"] = source_json(source.report());
     add_usage(tail, usage);

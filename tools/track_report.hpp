@@ -28,6 +28,7 @@ struct FrameReport {
     std::array<float, std::size(cpu_stages)> cpu_s{};
     std::array<std::uint64_t, state_count> states{};
     std::uint64_t samples = 0, pieces = 0, refined_bins = 0, posts = 0, bytes = 0;
+    LevelPosts level_posts{};
     Sampling sampling;
 
     float& of(FrameStage stage) { return wall_s[static_cast<std::size_t>(stage)]; }
