@@ -90,6 +90,8 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
     refuses(folder, with(run, with(place, {"-om", "BOTH"})), 2, {"-om is 'BOTH'; it must be NORMAL"});
     refuses(folder, with(run, with(place, {"-vv", "300"})), 2, {"-vv is '300'", "255"});
     refuses(folder, with(run, with(place, {"-oz"})), 2, {"-oz"});
+    refuses(folder, {"coverage", dem, " ", "--xy", "453717,3740093", "--altitude-agl", "100m"}, 2,
+            {"nothing but blanks"});
     // What is auto is as if nobody had said it; a table of materials is for the response.
     const Strings stands = {"--xy", "453717,3740093", "--altitude-agl", "100m", "--range", "3km"};
     CHECK(

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -103,4 +104,18 @@ TEST_CASE("threads together never hold more than the budget", "[memory]") {
     CHECK_FALSE(over);
     CHECK(budget.held() == 0);
     CHECK(budget.peak() <= 1000);
+}
+
+TEST_CASE("too little memory stays that in any context, and so does its context", "[memory]") {
+    constexpr std::size_t mebibyte = std::size_t{1} << 20;
+    try {
+        with_context("frame 2", [&] {
+            with_context("line 3", [&] { throw TooLittleMemory(4 * mebibyte, 9 * mebibyte, "this scene", " (so)"); });
+        });
+        FAIL("nothing is thrown");
+    } catch (const TooLittleMemory& e) {
+        CHECK(std::string(e.what()) == "frame 2: line 3: memory is 4 MiB; this scene needs at least 9 MiB (so)");
+        CHECK(std::string(e.with(5 * mebibyte, 7 * mebibyte).what()) ==
+              "frame 2: line 3: memory is 5 MiB; this scene needs at least 7 MiB (so)");
+    }
 }

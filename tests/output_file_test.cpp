@@ -71,7 +71,8 @@ TEST_CASE("what a killed process left goes with the next file of the same name, 
     CHECK_THAT(left[0], Catch::Matchers::StartsWith(".scope.png.tmp-"));
     const Writer living(folder / "scope.png"), neighbour(folder / "scope.pn"), another(folder / "scope.png.tmp-1");
     killed.kill();
-    const Names others{".scope.png.tmp-notes", ".scope.png.tmp-1-", "scope.png.tmp-1-1", ".scope.png.tmp-1-1.txt"};
+    const Names others{".scope.png.tmp-notes",   ".scope.png.tmp-1-",       "scope.png.tmp-1-1",
+                       ".scope.png.tmp-1-1.txt", ".scope.png.tmp-20240101", ".scope.png.tmp-2024-0101"};
     for (const std::string& name : others) put(folder / name, "mine");
     // A name that is used again does not make the dead one alive.
     const std::string again = text(".scope.png.tmp-", ::getpid(), "-1");

@@ -73,13 +73,16 @@ public:
 private:
     using Names = std::multimap<std::string, std::string>;  ///< by stem
     static void list(const std::string& folder, Names& names) {
-        std::error_code error;
+        std::error_code error, unknown;
         for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
             std::string name = entry->path().filename().string();
             const auto mark = name.rfind(temporary_mark);
             if (name.front() != '.' || mark == std::string::npos) continue;
             std::string stem = name.substr(0, mark + std::strlen(temporary_mark));
-            if (is_numbered(name, stem)) names.emplace(std::move(stem), std::move(name));
+            // A folder, of two numbers: what only looks a little like it is somebody else's.
+            if (is_numbered(name, stem) && name.find('-', stem.size()) != std::string::npos &&
+                entry->is_directory(unknown))
+                names.emplace(std::move(stem), std::move(name));
         }
     }
     std::mutex mutex_;

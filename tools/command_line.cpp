@@ -194,6 +194,9 @@ CommandLine read_command_line(Command command, const std::vector<std::string>& a
     CommandLine line{more, {}};
     split_words(without_valued_flags(arguments, info, taken, line.given), info, taken, line);
     refuse_repeated(line.given);
+    for (const std::string& file : line.files)
+        if (!file.empty() && trimmed(file).empty())
+            throw InputError(text("a path is ", in_quotes(file), ", nothing but blanks"));
     return line;
 }
 
