@@ -50,13 +50,10 @@ CoverageReport covering::Cover::run() {
         handover_.pass();
     });
     if (error_) std::rethrow_exception(error_);
-    std::optional<std::int32_t> unknown_code;
     for (const Desk& d : desks_) {
-        if (d.unknown_code && (!unknown_code || *d.unknown_code < *unknown_code)) unknown_code = d.unknown_code;
         for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
         for (std::size_t i = 0; i < d.did.size(); ++i) report.quadrants[i].add(d.did[i]);
     }
-    if (unknown_code) throw unknown_class_error(db_, *unknown_code);
     report.skipped = source_.skipped();
     report.source = source_.report();
     report.write_s = write_s_;

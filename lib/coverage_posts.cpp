@@ -132,11 +132,7 @@ float Cover::response(const Side& side, double slope, std::int64_t index, std::i
                  row = static_cast<double>(columns ? post : index);
     const std::int64_t cell_column = floor_i(culture.cell_column(column)), cell_row = floor_i(culture.cell_row(row));
     const ClassId id = culture.at(cell_column, cell_row);
-    if (id == unknown_class) {
-        const std::int32_t code = culture.code(cell_column, cell_row);
-        if (!desk.unknown_code || code < *desk.unknown_code) desk.unknown_code = code;
-        return nan_f;
-    }
+    if (id == unknown_class) throw unknown_class_error(db_, culture.code(cell_column, cell_row));
     const bool wall =
         !desk.culture_m.empty() && desk.culture_m[static_cast<std::size_t>(post - desk.culture_begin)] > 0;
     const ClassLaws& laws = tables_->laws;

@@ -221,7 +221,6 @@ struct Desk {
     } counted;                         ///< of what reading classes took
     std::span<const float> culture_m;  ///< culture heights of a line's posts from culture_begin on; empty: none
     std::int64_t culture_begin = 0;
-    std::optional<std::int32_t> unknown_code;  ///< the least on seen ground
 };
 
 class Cover {

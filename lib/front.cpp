@@ -37,7 +37,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
       at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
-      parts_wait_(!shore_ && !scene.with_depression && !needs_facets_), may_join_(plain_ground_ && parts_wait_),
+      parts_wait_(!shore_ && !scene.with_depression), may_join_(plain_ground_ && parts_wait_ && !needs_facets_),
       quadrant_(run.quadrant), fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)),
       culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);

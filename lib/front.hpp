@@ -269,9 +269,11 @@ private:
         double range_bins;  ///< a metre; 0: bins count ground range
         double up_m(double u) const { return linear(*from.up_m, *to.up_m, u) + raised_m(u); }
         double raised_m(double u) const { return bump_m * 4 * u * (1 - u); }
+        double height_m(double u) const { return linear(*from.height_m, *to.height_m, u) + raised_m(u); }
+        double out_m(double u) const { return linear(*from.out_m, *to.out_m, u); }
         /// Part u of it.
         PieceEnd at(double u) const {
-            const double up = up_m(u), out = linear(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
+            const double up = up_m(u), out = out_m(u), range = std::sqrt(up * up + out * out);
             return {u, range, up / range, range_bins > 0 ? range * range_bins : linear(*from.x, *to.x, u)};
         }
     };
@@ -279,8 +281,12 @@ private:
     void rise(std::size_t lane, std::size_t i, Samples& next, double begin, const PieceEnd& last, double bow);
     /// Remembers that a lane shows what lies from `near` to `far` in range, of elevation `sine` at the most.
     void show(std::size_t lane, double near, double far, double sine);
-    /// Where the way from now to next runs between two of its points.
-    Track track(std::size_t i, const Samples& next, const PieceEnd& a, const PieceEnd& b) const;
+    /// Of sample i, from now to next.
+    Way way(std::size_t i, Samples& next) {
+        return {now_.lanes(i), next.lanes(i), bump_[i], scene_->range_is_ground ? 0 : bins_per_metre_};
+    }
+    /// Where it runs between two of its points.
+    Track track(const Way& way, const PieceEnd& a, const PieceEnd& b) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
     /// law_variable() of the facet of sample i's piece from `begin` to `end` of the way, of a lane, into facet_[0]; only where
@@ -295,8 +301,9 @@ private:
     /// Puts them, of lanes lane.., to the others that wait.
     void keep_pieces(std::size_t n, std::size_t lane, const SampleLanes& from, const SampleLanes& to,
                      const Plain& plain);
-    /// Puts a single one of a lane to the others that wait, from `first` to `last`, which run along `track`.
-    void keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track);
+    /// Puts a single one to the others that wait: of sample i of a lane, from `first` to `last` of its way.
+    void keep_piece(std::size_t lane, std::size_t i, const Way& way, const PieceEnd& first, const PieceEnd& last,
+                    double bow);
     /// Keeps those of plain_, from `from` to `to`, and those up to the other axis' lines, each two that can be as one.
     void keep_joined(std::size_t n, std::size_t lane, SampleLanes from, const SampleLanes& to);
     /// The pieces of a step up to the other axis' lines, which ends at `next`, wait for the way on to the line ahead.
@@ -402,7 +409,7 @@ private:
     const FarShore* shore_;  // null: no bank is brightened
     bool at_once_;  // pieces wait for no other step's: they hang on their line, or on their order along a spoke
     double turning_posts_ = 0;  // lines no farther from the nadir may_turn()
-    bool parts_wait_;  // those of one range that begin or end between samples too: nothing needs the samples themselves
+    bool parts_wait_;           // those that begin or end between samples too: nothing needs the samples themselves
     bool may_join_;    // pieces on both sides of the other axis' lines: nothing tells them apart but their way
     bool joins_ = false;       // and what becomes of their shapes averages out, up to the line ahead
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor

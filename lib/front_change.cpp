@@ -45,9 +45,9 @@ void Front::find_facet(std::size_t i, std::size_t lane, const Way& way, double b
         return End{linear(*from.part, *to.part, u),
                    linear(*from.minor, *to.minor, u),
                    linear(*from.arc_m, *to.arc_m, u),
-                   linear(*from.height_m, *to.height_m, u) + way.raised_m(u),
+                   way.height_m(u),
                    way.up_m(u),
-                   linear(*from.out_m, *to.out_m, u)};
+                   way.out_m(u)};
     };
     End first = end_at(begin), last = end_at(end);
     facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
@@ -61,13 +61,14 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
            scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
 }
 
-Front::Track Front::track(std::size_t i, const Samples& next, const PieceEnd& a, const PieceEnd& b) const {
-    return {between_.major(linear(now_.part[i], next.part[i], a.part)), linear(now_.minor[i], next.minor[i], a.part),
-            between_.major(linear(now_.part[i], next.part[i], b.part)), linear(now_.minor[i], next.minor[i], b.part)};
+Front::Track Front::track(const Way& way, const PieceEnd& a, const PieceEnd& b) const {
+    const SampleLanes &from = way.from, &to = way.to;
+    return {between_.major(linear(*from.part, *to.part, a.part)), linear(*from.minor, *to.minor, a.part),
+            between_.major(linear(*from.part, *to.part, b.part)), linear(*from.minor, *to.minor, b.part)};
 }
 
 void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, const PieceEnd& last, double bow) {
-    const Way way{now_.lanes(i), next.lanes(i), bump_[i], scene_->range_is_ground ? 0 : bins_per_metre_};
+    const Way way = this->way(i, next);
     const SampleLanes &from = way.from, &to = way.to;
     const double range_bins = way.range_bins;
     double& horizon = lanes_.horizon[lane];
@@ -84,7 +85,7 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
                          fall =
                              echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->range_is_ground);
             put(lane, {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
-                       track(i, next, a, b),
+                       track(way, a, b),
                        a.sine,
                        b.sine,
                        facet_[0],
@@ -109,7 +110,7 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
         // Lanes interpolate between the entries on either side of a drop.
         const auto leave = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
             if (parts_wait_ && !drops)
-                keep_piece(lane, a, b, bent, plain_ground_ ? Track{} : track(i, next, a, b));
+                keep_piece(lane, i, way, a, b, bent);
             else
                 deposit(a, b, bent);
         };
@@ -198,7 +199,7 @@ void Front::change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, Sa
             const PieceEnd out{cuts_.begin[k], cuts_.range_out[k], horizon, cuts_.x_out[k]};
             ++cost_.pieces;
             if (own) {
-                keep_piece(lane, out, top, cuts_.bow[k], plain_ground_ ? Track{} : track(i, next, out, top));
+                keep_piece(lane, i, way(i, next), out, top, cuts_.bow[k]);
                 show(lane, std::min(out.x, top.x), std::max(out.x, top.x), top.sine);
             }
             horizon = top.sine;

@@ -68,21 +68,35 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const SampleLanes& from
     pieces_.add(n, plain.code.data(), tile);
 }
 
-void Front::keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track) {
+void Front::keep_piece(std::size_t lane, std::size_t i, const Way& way, const PieceEnd& first, const PieceEnd& last,
+                       double bow) {
     using P = VisiblePieces;
     assert(parts_wait_);
     if (pieces_.size() == VisiblePieces::most) put_pieces();
-    const std::size_t i = pieces_.add_one();
-    const auto keep = [&](P::Column at, auto value) { pieces_.set(at, i, value); };
+    const std::size_t at = pieces_.add_one();
+    const auto keep = [&](P::Column column, auto value) { pieces_.set(column, at, value); };
     keep(P::lane, lanes_.number[lane]), keep(P::origin, lanes_.origin[lane]);
     keep(P::share0, lanes_.share0[lane]), keep(P::share1, lanes_.share1[lane]);
     keep(P::horizon, first.sine), keep(P::sine, last.sine);
     keep(P::range0, first.range_m), keep(P::range1, last.range_m);
     keep(P::rise, 1.0), keep(P::swing, bow);  // what counts is one over the other
     if (scene_->range_is_ground) keep(P::x0, first.x), keep(P::x1, last.x);
+    if (needs_facets_) {
+        const auto between = [](const double* a, const double* b, double u) { return linear(*a, *b, u); };
+        const SampleLanes &from = way.from, &to = way.to;
+        const double a = first.part, b = last.part;
+        keep(P::up0, way.up_m(a)), keep(P::up1, way.up_m(b));
+        keep(P::out0, way.out_m(a)), keep(P::out1, way.out_m(b));
+        keep(P::height0, way.height_m(a)), keep(P::height1, way.height_m(b));
+        keep(P::arc0, between(from.arc_m, to.arc_m, a)), keep(P::arc1, between(from.arc_m, to.arc_m, b));
+        keep(P::part0, between(from.part, to.part, a)), keep(P::part1, between(from.part, to.part, b));
+        pieces_.set_pair(P::behind, at, posts_.data() + 2 * i);
+        pieces_.set_pair(P::ahead, at, posts_.data() + 2 * tile_lanes + 2 * i);
+    }
     if (plain_ground_) return;
-    keep(P::major0, track.major0), keep(P::minor0, track.minor0);
-    keep(P::major1, track.major1), keep(P::minor1, track.minor1);
+    const Track along = track(way, first, last);
+    keep(P::major0, along.major0), keep(P::minor0, along.minor0);
+    keep(P::major1, along.major1), keep(P::minor1, along.minor1);
 }
 
 void Front::wait_for_line(std::size_t n, int pieces, const Samples& next) {

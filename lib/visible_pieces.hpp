@@ -53,6 +53,9 @@ public:
     void set(Column column, std::size_t i, std::int64_t integer) {
         std::memcpy(columns_[column].data() + i, &integer, sizeof integer);
     }
+    void set_pair(Column column, std::size_t i, const float* pair) {
+        std::memcpy(columns_[column].data() + i, pair, 2 * sizeof *pair);
+    }
     void clear() { size_ = 0; }
 
     double* numbers(Column column) { return columns_[column].data(); }

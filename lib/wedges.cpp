@@ -111,7 +111,6 @@ private:
     RunResult& result_;
     MemoryBudget budget_;
     Interval wanted_;  // wedges to do
-    std::optional<std::int32_t> unknown_code_;
     std::size_t merged_ = 0;
     std::atomic<std::size_t> held_{0}, most_held_{0};
     std::mutex door_mutex_;
@@ -358,7 +357,6 @@ void Wedges::merge(WedgeTask& task) {
     const auto first = static_cast<std::size_t>(task.report.azimuth_bins.begin - swept.azimuth_bins.begin);
     for (std::size_t row = 0; task.cells && row < task.cells->rows(); ++row)
         task.cells->finish(row, result_.echo_w.row(first + row), result_.echo_state.row(first + row));
-    if (task.unknown_code && (!unknown_code_ || *task.unknown_code < *unknown_code_)) unknown_code_ = task.unknown_code;
     WedgeReport& r = task.report;
     if (!r.reused) {
         share_out(task);
@@ -414,6 +412,8 @@ void Wedges::sweep_all(Threads& threads) {
         flow::function_node<Task, flow::continue_msg> keeper(graph, flow::unlimited, [&](const Task& task) {
             keep(*task);
             leave(*task);
+            // At once: the others would only take time.
+            if (task->unknown_code) throw unknown_class_error(setting_.data_base, *task->unknown_code);
             return flow::continue_msg();
         });
         flow::make_edge(wedges, limiter);
@@ -427,7 +427,6 @@ void Wedges::sweep_all(Threads& threads) {
         wedges.activate();
         graph.wait_for_all();
     });
-    if (unknown_code_) throw unknown_class_error(setting_.data_base, *unknown_code_);
     std::sort(result_.report.wedges.begin(), result_.report.wedges.end(),
               [](const auto& a, const auto& b) { return a.index < b.index; });
 }

@@ -250,6 +250,36 @@ TEST_CASE("info resolves a scene by its own config and the command line's memory
     CHECK(scene_of({"p.ini", "a.ini"})["resolved"] == plain);
 }
 
+TEST_CASE("a code that the legend does not name ends the run with the wedge that sees it", "[cli]") {
+    const Folder folder;
+    const Outcome run = folder.run({"simulate",
+                                    "--dem",
+                                    data + "/lake_sunapee_dem.tif",
+                                    "--culture",
+                                    data + "/lake_sunapee_culture.tif",
+                                    "--culture-legend",
+                                    "fbfm40",
+                                    "--latlon",
+                                    "43.38,-72.05",
+                                    "--altitude-agl",
+                                    "300m",
+                                    "--range",
+                                    "5km",
+                                    "--threads",
+                                    "1",
+                                    "--wedges",
+                                    "16",
+                                    "--work-dir",
+                                    "kept",
+                                    "-o",
+                                    "scope.png"});
+    CHECK(run.code == 1);
+    CHECK_THAT(run.err, Contains("code 11 on seen ground is not in the legend 'fbfm40'"));
+    CHECK(folder.names() == std::set<std::string>{"kept"});
+    const fs::directory_iterator kept(folder.work() / "kept");
+    CHECK(std::distance(begin(kept), end(kept)) == 2);  // run.json and one wedge
+}
+
 TEST_CASE("a legend may come through a pipe, which gives it once", "[cli]") {
     const Folder folder;
     const std::string legend = folder.write("legend.csv", "code,material\n1,urban\n"), pipe = folder.file("pipe");
