@@ -36,6 +36,7 @@ struct ResolvedScene {
     double reference_m = 0;  ///< bare terrain at the nadir, 0 where there is none
     double nadir_surface_m =
         0;              ///< where spokes start: with culture height, unless the sensor is inside it; only if on data
+    double inside_m = 0;  ///< how far the top of what it stands inside of is over the sensor; 0: it stands free
     Chunk nadir_patch;  ///< the posts round the nadir, rows as lines; empty where it is outside the raster
     bool nadir_on_data = false;  ///< inside the raster and not void
     bool nadir_in_raster = false;

@@ -128,6 +128,7 @@ void stand(ResolvedScene& s, WedgeSource& source) {
                         "above sea level",
                         ground - s.sensor_m, s.sensor_m, ground));
     s.nadir_surface_m = place.surface_m <= s.sensor_m ? place.surface_m : ground;
+    s.inside_m = s.nadir_on_data ? std::max(0.0, place.surface_m - s.sensor_m) : 0;
     if (s.nadir_in_raster) {
         constexpr std::int64_t arm = 4;
         const auto c = static_cast<std::int64_t>(std::floor(s.nadir.column)),

@@ -76,7 +76,8 @@ RunSetting::RunSetting(const ResolvedScene& s, WedgeSource& source, std::shared_
     : SpokeSetting(s, source), scene(s), data_base(source.data_base()),
       tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
       cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
-                   grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most(), nearest_ground(s, map))),
+                   grid.azimuth_step_rad(), tables->laws.most() * (data_base.has_culture ? tables->shore.most() : 1),
+                   nearest_ground(s, map))),
       refinement(refinement_of(s, sampling)) {
     sweep.data_base = &data_base;
     sweep.grid = &grid;

@@ -54,6 +54,13 @@ double lower_for(double roughness) {
         roughness < needles ? std::pow(usual / roughness, power) : at_needles * needles / roughness, 30);
 }
 
+/// As how many posts high a sensor counts at the least: what lies nearer than a post is smooth, and shows no finer features to one
+/// that is lower. Unless something stands there; and borders between classes ask for some more.
+double lowest_counted(Quality quality, GroundCover cover) {
+    if (cover == GroundCover::bare) return quality == Quality::draft ? 0.5 : 1;
+    return cover == GroundCover::classes && (quality == Quality::normal || quality == Quality::fine) ? 0.5 : 0;
+}
+
 /// Spokes a post, at least, where what stands around says more than the ground below.
 double least_beside_mountains(Quality quality) {
     switch (quality) {
@@ -80,7 +87,8 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     // and there.
     const double above = (scene.sensor_m - scene.reference_m) / scene.longer_post_m,
                  over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / scene.longer_post_m);
-    const double counted = std::min(above, over_most) * lower_for(scene.roughness);
+    const double counted =
+        std::max(lowest_counted(scene.scene.quality, cover), std::min(above, over_most)) * lower_for(scene.roughness);
     Sampling own = sampling(scene.scene, cover, counted);
     // There crests hide ground far off too, where bins are wide and only spokes a post count.
     if (counted < std::min(above, 40.0) && !scene.scene.spokes_per_post)

@@ -36,6 +36,21 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
     CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
 }
 
+TEST_CASE("a sensor inside of what rises there is told how far", "[cli]") {
+    const Folder folder;
+    const std::string ground = grid(folder, "ground", "5"), culture = grid(folder, "culture", "1"),
+                      tops = grid(folder, "tops", "12");
+    folder.write("legend.csv", "code,material\n1,urban\n");
+    for (const auto& [height, said] : {std::pair{"10m", true}, {"12m", false}}) {
+        const Outcome run = folder.run({"simulate", "--dem", ground, "--culture", culture, "--culture-legend",
+                                        "legend.csv", "--culture-height", tops, "--xy", "465120,3750120",
+                                        "--altitude-agl", height, "--range", "1km", "-o", "scope.png", "--overwrite"});
+        INFO(run.err);
+        CHECK(run.code == 0);
+        CHECK((run.err.find("inside of what rises there, 2.0 m below its top") != std::string::npos) == said);
+    }
+}
+
 TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli][long]") {
     const Folder folder;
     const auto terrain = [&](const std::string& name, const std::string& lowest, const std::string& no_data,

@@ -331,6 +331,17 @@ TEST_CASE("rotating the aircraft round a lake rotates the bright far shore", "[f
     }
 }
 
+TEST_CASE("without culture, which tells water, far-shore changes no bit", "[far-shore]") {
+    const auto hills = test::rolling(120, 90, 5);
+    MemorySource source(201, 201, 30, [&](double c, double r) { return 60 + hills(c, r); });
+    Scene s = bare_scene(3011, -2987, 200, 2500);
+    s.quality = Quality::draft;
+    const RunResult off = simulate(s, source);
+    s.far_shore = true;
+    const RunResult on = simulate(s, source);
+    CHECK(std::memcmp(on.echo_w.cells.data(), off.echo_w.cells.data(), off.echo_w.cells.size() * sizeof(float)) == 0);
+}
+
 TEST_CASE("far shores are the same bits for any wedges, threads, instructions, culled or not", "[far-shore]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     const auto hills = test::rolling(120, 90, 5);

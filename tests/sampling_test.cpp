@@ -67,6 +67,34 @@ TEST_CASE("spokes go by the height over what stands highest in the sector, but f
     CHECK(resolved(225, 315).clearance_m == infinite);
 }
 
+TEST_CASE("a sensor lower than a post takes no more spokes than one a post up, unless something stands there",
+          "[sampling][spoke_grid]") {
+    Scene s;
+    s.platform.xy = PointXY{30 * 200, -30 * 200};
+    s.range_m = 5000;
+    const auto per_bin = [&](MemorySource& source, double height_m) {
+        s.platform.altitude_m = 300 + height_m;
+        return sampling_of(resolve(s, source), source.data_base()).spokes_per_bin;
+    };
+    const auto plain = [](double, double) { return 300.0; };
+    MemorySource bare(401, 401, 30, plain), classes(401, 401, 30, plain), canopy(401, 401, 30, plain);
+    for (MemorySource* source : {&classes, &canopy}) source->set_classes([](double, double) { return ClassId{0}; });
+    canopy.set_culture_height([](double, double) { return 1.0; });
+    for (const auto& [quality, lowest_m, spokes] : {std::tuple{Quality::draft, 15, 24},
+                                                    {Quality::normal, 30, 24},
+                                                    {Quality::fine, 30, 48},
+                                                    {Quality::exact, 30, 96}}) {
+        s.quality = quality;
+        CHECK(per_bin(bare, lowest_m) == spokes);
+        CHECK(per_bin(bare, 3) == spokes);
+        CHECK(per_bin(bare, 2 * lowest_m + 1) < spokes);
+    }
+    s.quality = Quality::normal;
+    CHECK(per_bin(classes, 3) == per_bin(classes, 15));
+    CHECK(per_bin(classes, 16) == 2 * per_bin(classes, 30.5));
+    CHECK(per_bin(canopy, 3) == 2 * per_bin(canopy, 61));
+}
+
 TEST_CASE("what a quality promises holds from where the beam is two posts wide, of scenes it is made for", "[sampling]") {
     MemorySource source(101, 81, 30, [](double, double) { return 100.0; });
     Scene s;

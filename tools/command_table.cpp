@@ -30,7 +30,7 @@ const std::vector<CommandInfo>& command_table() {
          "what -om GROUND does); with -ox and -oy the ground is a plane, the sensor stands over the nearest post, and "
          "defaults are gdal_viewshed's. With --observers many sensors are looked from in one run. Radar, antenna, "
          "ground and "
-         "weather count for --layer response alone, as do culture, culture-legend, class-table and material.",
+         "weather are for --layer response alone, as are culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_budget, "budget", "wedgescope budget [options] [scene.ini] --at AZIMUTH,RANGE | --at-latlon LAT,LON",
          "link budget of one cell, line by line from the transmitter to the grey level",

@@ -99,13 +99,18 @@ void doubt_cloud(const ResolvedScene& scene, Doubts& lines) {
             weather.cloud_top_m, frozen_m);
 }
 
-void doubt_earth(const ResolvedScene& scene, Doubts& lines) {
+void doubt_place(const ResolvedScene& scene, Doubts& lines) {
     constexpr double air_m = 30000;  // from here on rays are nearer to straight lines than to those of the lower air
     if (scene.sensor_m > air_m && scene.scene.earth_k && *scene.scene.earth_k > 1.01)
         lines[high_sensor] = fmt::format(
             "the sensor is {:.4g} km up: earth {:.4g} bends rays as the lower air does; --earth 1 is nearer to the "
             "truth there",
             scene.sensor_m * 1e-3, *scene.scene.earth_k);
+    if (scene.inside_m > 0)
+        lines[inside_something] = fmt::format(
+            "the sensor stands inside of what rises there, {:.1f} m below its top: it sees what stands as high close "
+            "around it, and little else",
+            scene.inside_m);
     // Of the chord between two posts; the sweep knows the earth's curve at samples alone.
     constexpr double most_bulge_m = 20;
     const double bulge_m = scene.longer_post_m * scene.longer_post_m * scene.earth.inverse_radius() / 8;
@@ -120,7 +125,7 @@ void doubt_earth(const ResolvedScene& scene, Doubts& lines) {
 
 std::vector<std::string> doubts_of_rays(const ResolvedScene& scene, bool response) {
     Doubts lines;
-    doubt_earth(scene, lines);
+    doubt_place(scene, lines);
     if (response) doubt_cloud(scene, lines);
     std::vector<std::string> found;
     for (std::string& line : lines)
@@ -170,7 +175,7 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
             "range is told, however high the ground stands";
     doubt_rain(r.scene, lines);
     doubt_cloud(r.scene, lines);
-    doubt_earth(r.scene, lines);
+    doubt_place(r.scene, lines);
     return lines;
 }
 

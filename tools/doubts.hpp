@@ -26,12 +26,13 @@ enum Doubt : std::size_t {
     frozen_cloud,
     high_sensor,
     coarse_posts,
+    inside_something,
     doubt_count
 };
 
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
-/// Those of them that coverage may have too: about the earth's radius and coarse posts on it, and of a response about cloud.
+/// Those of them that coverage may have too: about the place, the earth's radius and coarse posts on it, and of a response about cloud.
 std::vector<std::string> doubts_of_rays(const ResolvedScene& scene, bool response);
 /// ", 1662.8 m above the terrain", or why that cannot be said; behind the sensor's height above the sea.
 std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base);
