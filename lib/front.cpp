@@ -261,6 +261,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     between_.in_chunk = chunk != nullptr;
     if (chunk) {
         if (scene_->data_base->has_culture) culture_.open(raster_posts(chunk->window, level_), !leap);
+        leave_out_culture();
         for (ChunkBounds& bounds : chunk_bounds_)
             if (bounds.highest_m.empty()) bounds.set_up(chunk->window, lines_are_columns(quadrant_));
     }

@@ -301,7 +301,8 @@ private:
     /// Puts them, of lanes lane.., to the others that wait.
     void keep_pieces(std::size_t n, std::size_t lane, const SampleLanes& from, const SampleLanes& to,
                      const Plain& plain);
-    /// Puts a single one to the others that wait: of sample i of a lane, from `first` to `last` of its way.
+    /// Puts a single one to the others that wait, which are put first where there is no room: of sample i of a lane, from `first` to
+    /// `last` of its way.
     void keep_piece(std::size_t lane, std::size_t i, const Way& way, const PieceEnd& first, const PieceEnd& last,
                     double bow);
     /// Keeps those of plain_, from `from` to `to`, and those up to the other axis' lines, each two that can be as one.

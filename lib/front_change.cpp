@@ -99,7 +99,7 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
         const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double otherwise) {
             const PieceEnd middle = way.at(0.5 * (a.part + b.part));
             const double power = (middle.sine - a.sine) / (b.sine - a.sine), gone = (middle.x - a.x) / (b.x - a.x);
-            if (!(gone > 0.1 && gone < 0.9)) return otherwise;
+            if (!(gone > 0.1 && gone < 0.9 && power > 0 && power < 1)) return otherwise;
             return (power - gone) / (gone * (1 - gone)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m) +
                    (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
         };

@@ -78,7 +78,8 @@ private:
 /// range: by halves, so on average less than that.
 double parts_below(const ResolvedScene& scene) {
     constexpr double far_posts = 1 / (most_range_ratio - 1), part = 0.7 * (most_range_ratio - 1), least_m = 1;
-    const double far_m = far_posts * scene.longer_post_m,
+    if (!scene.nadir_on_data) return 0;
+    const double far_m = std::min(far_posts * scene.longer_post_m, scene.scene.range_m.value_or(infinite)),
                  height_m = std::max(least_m, scene.sensor_m - scene.reference_m);
     return height_m < far_m ? std::log(far_m / height_m) / part : 0;
 }
@@ -384,7 +385,7 @@ WedgeForecast Plan::total(const std::vector<bool>& done) const {
 }
 
 double Plan::likely_seconds(bool all) const {
-    constexpr double step_s = 45e-9, part_s = 80e-9, post_s = 6e-9, chunk_s = 60e-6;
+    constexpr double step_s = 45e-9, part_s = 50e-9, post_s = 6e-9, chunk_s = 60e-6;
     const WedgeForecast sum = total();
     const double share = all || sum.posts == 0 ? 1 : sum.likely_posts / static_cast<double>(sum.posts);
     return share * (step_s * static_cast<double>(sum.steps) + post_s * static_cast<double>(sum.posts)) +

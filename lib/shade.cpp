@@ -38,7 +38,10 @@ constexpr Real over_middle(Real swell) {
 template <class Real>
 constexpr Real over_middles(Real nearer, Real swell) {
     constexpr auto most = static_cast<Real>(0.25);
-    const Real more = nearer * (nearer + 4 * swell) * static_cast<Real>(1.0 / 12);
+    const Real swells = swell < -1  ? Real{-1}
+                        : swell > 1 ? Real{1}
+                                    : swell,
+               more = nearer * (nearer + 4 * swells) * static_cast<Real>(1.0 / 12);
     return 1 + (more < -most ? -most : more > most ? most : more);
 }
 
@@ -220,10 +223,16 @@ WEDGESCOPE_LANES_PART double growth_of_cosine(double sine0, double sine1) {
     return (cosine1 - cosine0) / (both > 1e-30 ? both : 1e-30);
 }
 
+/// What is nearer than a metre counts as that.
+template <class Real>
+constexpr Real counted_range(Real range_m) {
+    return range_m > 1 ? range_m : Real{1};
+}
+
 /// The inverse of the range in the middle of a piece, by sine of elevation.
 template <class Real>
 constexpr Real middle_inverse(Real range0_m, Real range1_m) {
-    const Real range0 = range0_m > 1 ? range0_m : Real{1}, range1 = range1_m > 1 ? range1_m : Real{1};
+    const Real range0 = counted_range(range0_m), range1 = counted_range(range1_m);
     return (range0 + range1) / (2 * (range0 * range1));
 }
 
@@ -264,11 +273,13 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
         for (std::size_t i = 0; i < m; ++i) {
             const double up = sine[at + i] - horizon[at + i];
             const auto begins = static_cast<float>(range0[at + i]), ends = static_cast<float>(range1[at + i]),
-                       longer = static_cast<float>(range1[at + i] - range0[at + i]), risen = static_cast<float>(up),
-                       over = static_cast<float>(rise[at + i]), swung = static_cast<float>(swing[at + i]);
+                       longer = static_cast<float>(range1[at + i] - range0[at + i]),
+                       shorter = static_cast<float>(counted_range(range0[at + i]) - counted_range(range1[at + i])),
+                       risen = static_cast<float>(up), over = static_cast<float>(rise[at + i]),
+                       swung = static_cast<float>(swing[at + i]);
             const float ga = pair[2 * i], gb = pair[2 * i + 1], gain = ga + part[i] * (gb - ga),
                         inverse = middle_inverse(begins, ends), swell = 0.5F * risen * ((gb - ga) * entries) / gain,
-                        mean = gain * over_middle(swell) * over_middles(-longer * inverse, swell);
+                        mean = gain * over_middle(swell) * over_middles(shorter * inverse, swell);
             power[at + i] = constant * up * (static_cast<double>(mean) * static_cast<double>(inverse * inverse));
             // As echo_bow().
             const float fall = 2 * longer * inverse,
@@ -346,7 +357,8 @@ double echo_bow(double sine0, double sine1, double range0_m, double range1_m, co
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                    double constant) noexcept {
-    const double inverse = middle_inverse(range0_m, range1_m), nearer = (range0_m - range1_m) * inverse;
+    const double inverse = middle_inverse(range0_m, range1_m),
+                 nearer = (counted_range(range0_m) - counted_range(range1_m)) * inverse;
     const MiddleGain middle = middle_gain(sine0, sine1, pattern);
     return constant * (sine1 - sine0) * (inverse * inverse) *
            (middle.gain * over_middle(middle.swell) * over_middles(nearer, middle.swell));

@@ -232,7 +232,14 @@ TEST_CASE("info says that a legend is not for a scene", "[cli]") {
 
 TEST_CASE("info resolves a scene by its own config and the command line's memory", "[cli]") {
     const Folder folder;
-    folder.write("a.ini", "dem = " + dem + "\nxy = 453717,3740093\naltitude-msl = 3km\nrange = 5km\n");
+    // GTRasterTypeGeoKey: 1 area, 2 point.
+    std::string tiff = content(dem);
+    const std::string area("\x01\x04\0\0\x01\0\x01\0", 8);
+    const auto at = tiff.find(area);
+    REQUIRE(at != std::string::npos);
+    tiff[at + 6] = 2;
+    folder.write("point.tif", tiff);
+    folder.write("a.ini", "dem = point.tif\nxy = 453717,3740093\naltitude-msl = 3km\nrange = 5km\n");
     const auto scene_of = [&](const Strings& more) {
         const Outcome page = folder.run(with({"info", "--json"}, more));
         INFO(page.err);
@@ -243,6 +250,7 @@ TEST_CASE("info resolves a scene by its own config and the command line's memory
     // A post's height may be read as that of the pixel's corner: what stands below the sensor is another then.
     folder.write("p.ini", content(folder.file("a.ini")) + "config = GTIFF_POINT_GEO_IGNORE=YES\n");
     const auto plain = scene_of({"a.ini"})["resolved"], pixel = scene_of({"p.ini"})["resolved"];
+    CHECK(pixel != plain);
     const Outcome plan = folder.run({"info", "--plan", "--json", "p.ini"});
     REQUIRE(plan.code == 0);
     CHECK(pixel == nlohmann::json::parse(plan.out)["scene"]["resolved"]);
@@ -285,9 +293,20 @@ TEST_CASE("a legend may come through a pipe, which gives it once", "[cli]") {
     const std::string legend = folder.write("legend.csv", "code,material\n1,urban\n"), pipe = folder.file("pipe");
     const std::string ground = grid(folder, "ground", "5"), culture = grid(folder, "culture", "1");
     REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
-    std::thread writer([&] { std::ofstream(pipe, std::ios::binary) << content(legend); });
-    const Outcome run = folder.run({"simulate", "--dem", ground, "--culture", culture, "--culture-legend", pipe, "--xy",
-                                    "465100,3750100", "--altitude-msl", "500m", "--range", "1km", "-o", "scope.png"});
+    std::thread writer([&] {
+        // Nobody waits for ever where the program does not open it, or opens it again.
+        int to = -1;
+        wait_until(std::chrono::milliseconds(5),
+                   [&] { return (to = ::open(pipe.c_str(), O_WRONLY | O_NONBLOCK)) >= 0; });
+        if (to < 0) return;
+        const std::string text = content(legend);
+        CHECK(::write(to, text.data(), text.size()) == static_cast<ssize_t>(text.size()));
+        ::close(to);
+    });
+    const Outcome run = folder.finish(
+        folder.start({"20", WEDGESCOPE_PROGRAM, "simulate", "--dem", ground, "--culture", culture, "--culture-legend",
+                      pipe, "--xy", "465100,3750100", "--altitude-msl", "500m", "--range", "1km", "-o", "scope.png"},
+                     "/usr/bin/timeout"));
     writer.join();
     INFO(run.err);
     CHECK(run.code == 0);

@@ -36,6 +36,43 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
     CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
 }
 
+TEST_CASE("no stage of a wedge takes longer than the wedge, culled or not", "[cli]") {
+    const Folder folder;
+    for (const char* cull : {"--no-cull=on", "--no-cull=off"}) {
+        const Outcome run = folder.run({"simulate",
+                                        "--dem",
+                                        dem,
+                                        "--culture",
+                                        data + "/inland_empire_culture.tif",
+                                        "--culture-legend",
+                                        "fbfm40",
+                                        "--xy",
+                                        "453717,3740093",
+                                        "--altitude-msl",
+                                        "3km",
+                                        "--range",
+                                        "6km",
+                                        "--wedges",
+                                        "40",
+                                        "--threads",
+                                        "1",
+                                        cull,
+                                        "--echo",
+                                        "e.tif",
+                                        "--report",
+                                        "r.json",
+                                        "--overwrite"});
+        INFO(run.err);
+        REQUIRE(run.code == 0);
+        for (const auto& wedge : json_in(folder.file("r.json"))["wedges"])
+            for (const auto& [stage, seconds] : wedge["cpu_s"].items()) {
+                CAPTURE(cull, stage, wedge["wedge"].get<int>());
+                CHECK(seconds.get<double>() >= 0);
+                CHECK(seconds.get<double>() <= wedge["wall_s"].get<double>() + 0.02);
+            }
+    }
+}
+
 TEST_CASE("a sensor inside of what rises there is told how far", "[cli]") {
     const Folder folder;
     const std::string ground = grid(folder, "ground", "5"), culture = grid(folder, "culture", "1"),

@@ -98,8 +98,9 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
         folder.run(with({"coverage", dem, "seen.tif", "--seen-value", "1", "--no-data-value", "auto"}, stands)).code ==
         0);
     fs::remove(folder.file("seen.tif"));
-    folder.write("classes.csv", "class,material\n");
-    refuses(folder, with(with(run, stands), {"--class-table", "classes.csv"}), 2, {"class-table"});
+    const std::string classes = folder.write("classes.csv", content(data + "/../../docs/classes.csv"));
+    refuses(folder, with(with(run, stands), {"--class-table", classes}), 2,
+            {"--class-table is given", "layer response alone"});
     refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2,
             {"geodesic", "-ox and -oy", "is in degrees; add --geometry geodesic"});
 }
@@ -346,6 +347,18 @@ TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothin
         refuses(folder, {"tile", "--around", "33.89,-117.37", option, value, "made.store"}, 2,
                 {std::string(option) + " is given", "a store that stands"});
     fs::remove_all(folder.work() / "made.store");
+    refuses(folder, {"info", "--plan", "--verify", "--dem", a, "--xy", "465100,3750100", "--altitude-msl", "500m"}, 2,
+            {"verify is given with plan"});
+    // A legend that names a class of one's own needs its table there too.
+    const std::string table = content(data + "/../../docs/classes.csv") + "mine,-16,,grass,,,omni,0,,,\n";
+    const Strings own = {"--class-table", folder.write("own.csv", table)};
+    folder.write("legend.csv", "code,material\n1,mine\n");
+    const std::string culture = grid(folder, "culture", "1");
+    REQUIRE(
+        folder.run(with({"tile", a, "own.store", "--culture", culture, "--culture-legend", "legend.csv"}, own)).code ==
+        0);
+    CHECK(folder.run(with({"tile", "--around", "33.89,-117.37", "own.store"}, own)).code == 0);
+    fs::remove_all(folder.work() / "own.store");
     fs::create_directory(folder.work() / "mine");
     folder.write("mine/letter.txt", "dear");
     refuses(folder, {"tile", a, "mine"}, 2, {"'mine'", "exists", "is no tile store"});

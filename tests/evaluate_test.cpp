@@ -830,6 +830,13 @@ TEST_CASE("results read back the same, or have the digits asked for", "[evaluate
     CHECK(folder.run({"horizon", "h=3000m", "--digits", "6"}).out.starts_with("s_h = 225728 m\n"));
 }
 
+TEST_CASE("digits are those of results, not of what they are of", "[evaluate][quick]") {
+    const Folder folder;
+    const std::string out = folder.file("out.csv");
+    REQUIRE(folder.run({"sight", "hs=3123.456m", "h=250m", "s=20km", "--digits", "2", "-o", out}).code == 0);
+    CHECK_THAT(content(out), Contains("3123.456,"));
+}
+
 TEST_CASE("a single evaluation can be written as a table of one row", "[evaluate][quick]") {
     const Folder folder;
     const std::string out = folder.file("one.csv");

@@ -194,6 +194,9 @@ TEST_CASE("along straight ground a piece's echo is that of all its parts", "[sha
                     most_off_at_middle = std::max(most_off_at_middle, std::abs(at_middle / sum - 1));
                 }
     }
+    // Nearer than a metre is as a metre away, wherever it begins.
+    const PatternTable table(csc2);
+    CHECK(piece_power(-0.5, -0.4, 0.2, 0.9, table, 1) == piece_power(-0.5, -0.4, 1, 1, table, 1));
     CHECK(most_off < 6e-4);
     CHECK(most_off_at_middle > 7e-3);
 }

@@ -61,6 +61,7 @@ struct Wishes {
     std::mutex mutex;
     std::size_t cache_bytes = 0;
     std::vector<std::pair<std::string, std::string>> config;
+    std::vector<std::pair<std::string, std::optional<std::string>>> before;  ///< what GDAL had of these; none: nothing
     std::optional<std::size_t> later_cache_bytes;
 };
 Wishes& wishes() {
@@ -236,7 +237,10 @@ void GdalSession::settle() {
     // Not by way of register_usual_drivers(): a thread within its call_once may be waiting for this one.
     register_usual();
     GDALSetCacheMax64(static_cast<GIntBig>(cache_bytes));
+    decltype(Wishes::before) before;
     for (const auto& [key, value] : config) {
+        const char* const had = CPLGetConfigOption(key.c_str(), nullptr);
+        before.emplace_back(key, had ? std::optional<std::string>(had) : std::nullopt);
         CPLSetConfigOption(key.c_str(), value.c_str());
         // The cache is a part of the memory that is granted: it may be smaller.
         if (EQUAL(key.c_str(), "GDAL_CACHEMAX"))
@@ -249,17 +253,23 @@ void GdalSession::settle() {
     std::optional<std::size_t> later_cache_bytes;
     {
         const std::lock_guard lock(wishes().mutex);
+        wishes().before = std::move(before);
         later_cache_bytes = wishes().later_cache_bytes;
     }
     if (later_cache_bytes) GDALSetCacheMax64(static_cast<GIntBig>(*later_cache_bytes));
 }
 
 // GDAL takes its drivers down itself when the program ends; whoever still holds a raster then does no harm.
+// Its config ends with the session.
 GdalSession::~GdalSession() {
-    const std::lock_guard lock(wishes().mutex);
-    if (gdal_is_loaded())
-        for (const auto& [key, value] : wishes().config) CPLSetConfigOption(key.c_str(), nullptr);
-    wishes().config.clear();
+    decltype(Wishes::before) before;
+    {
+        const std::lock_guard lock(wishes().mutex);
+        before.swap(wishes().before);
+        wishes().config.clear();
+    }
+    for (auto one = before.rbegin(); one != before.rend(); ++one)
+        CPLSetConfigOption(one->first.c_str(), one->second ? one->second->c_str() : nullptr);
 }
 
 std::size_t GdalSession::most_parts_open() {

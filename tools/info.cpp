@@ -364,7 +364,7 @@ void check_one_place(const Settings& settings) {
 /// What a command line of info says of the scenes among its files.
 std::vector<Given> said_of_scenes(const Settings& settings) {
     std::vector<Given> said;
-    for (const char* key : {"memory", "threads", "class-table"})
+    for (const char* key : {"memory", "class-table"})
         if (settings.given.contains(key) && settings.spelled(key).starts_with("--"))
             said.push_back({key, find_key(key)->get(settings).value_or(""), settings.spelled(key), ""});
     for (const auto& [name, value] : settings.config)

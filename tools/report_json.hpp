@@ -69,14 +69,15 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
 std::string report_table(const RunReport& report, const OuterStages& outer, const Usage& usage,
                          std::size_t most_rows = 24);
 
-/// What the stages of a run moved, for limits_table(): posts and decoded bytes that were read; a post for each one swept
-/// (4 bytes), a cell (8 bytes, read and written) for each visible piece, cells of the image for what follows (the display reads
-/// power and state of each).
 /// Posts read by level of detail, and how many of the raster's each level's stand for.
 nlohmann::ordered_json levels_json(const LevelPosts& posts);
 
 /// What a run wrote to its outputs: all but `scratch`, which it wrote for itself.
 std::uint64_t bytes_of_outputs(const Usage& usage, std::uint64_t scratch);
+
+/// What the stages of a run moved, for limits_table(): posts and decoded bytes that were read; a post for each one swept
+/// (4 bytes), a cell (8 bytes, read and written) for each visible piece, cells of the image for what follows (the display reads
+/// power and state of each).
 std::vector<StageWork> stage_work(const RunReport& report, double write_s, const Usage& usage);
 /// Reading is measured by decoding where the files hold less than came out of them.
 StageWork load_work(double load_s, std::uint64_t decoded_bytes, const Usage& usage);

@@ -18,11 +18,11 @@ namespace {
 /// As files may hold it that are handed on: options of GDAL's bear passwords and keys of web servers too.
 std::string without_secret(const std::string& name, const std::string& value) {
     const std::string word = lower_case(name);
-    for (const char* secret :
-         {"secret", "password", "passwd", "token", "userpwd", "access_key", "api_key", "credential", "private_key",
-          "header", "cookie", "signature", "_sas", "connection_string"})
+    for (const char* secret : {"secret", "passw", "pwd", "token", "key", "bearer", "auth", "credential", "header",
+                               "cookie", "signature", "sas", "connection_string", "proxy", "user"})
         if (word.find(secret) != std::string::npos) return "(not shown)";
-    return value;
+    const auto scheme = value.find("://");
+    return scheme != std::string::npos && value.find('@', scheme) != std::string::npos ? "(not shown)" : value;
 }
 
 }  // namespace

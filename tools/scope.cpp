@@ -23,7 +23,7 @@
 namespace wedgescope {
 namespace {
 
-/// With those that its scene file names, though their data stand in the echo already.
+/// With those of the data base that its scene file names, though nothing of them is read again.
 NamedPaths scope_inputs(const Settings& s) {
     NamedPaths inputs{{"the echo image", s.files[0]}, {"the scene file", s.files.size() > 1 ? s.files[1] : ""}};
     for (NamedPath& of_scene : data_paths(s)) inputs.push_back(std::move(of_scene));

@@ -257,8 +257,8 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     check_around(settings);
     if (adds_to_store(settings)) {
         // Those without "--" are the store's own.
-        constexpr std::string_view of_a_spill[] = {
-            "around", "memory", "threads", "overwrite", "config", "quiet", "culture-height-scale"};
+        constexpr std::string_view of_a_spill[] = {"around", "memory", "threads",     "overwrite",
+                                                   "config", "quiet",  "class-table", "culture-height-scale"};
         for (const auto& [key, word] : settings.given)
             if (word.starts_with("-") &&
                 std::find(std::begin(of_a_spill), std::end(of_a_spill), key) == std::end(of_a_spill))
