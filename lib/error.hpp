@@ -116,7 +116,8 @@ private:
     int signal_;
 };
 
-/// Runs `body`; an InputError (a TooLittleMemory too), DataError or IoError that leaves it gets `context` in front of its message and stays one of these.
+/// Runs `body`; an InputError (TooLittleMemory too), DataError or IoError that leaves it gets `context` in front of its message and
+/// stays one of these.
 template <class Body>
 auto with_context(const std::string& context, Body&& body) -> decltype(body()) {
     try {

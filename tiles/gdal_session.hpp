@@ -12,7 +12,8 @@ namespace wedgescope {
 
 class GdalSession {
 public:
-    /// `config`: GDAL configuration options (--config K=V), as long as the session lasts; sessions do not nest. Cache: the share of the budget for GDAL's block cache.
+    /// `config`: GDAL configuration options (--config K=V), as long as the session lasts; sessions do not nest. Cache: the share of
+    /// the budget for GDAL's block cache.
     GdalSession(std::size_t cache_bytes, const std::vector<std::pair<std::string, std::string>>& config);
     ~GdalSession();
     GdalSession(const GdalSession&) = delete;
