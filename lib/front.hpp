@@ -267,6 +267,9 @@ private:
         SampleLanes from, to;
         double bump_m;      ///< of its middle over the straight way
         double range_bins;  ///< a metre; 0: bins count ground range
+        double part(double u) const { return linear(*from.part, *to.part, u); }
+        double minor(double u) const { return linear(*from.minor, *to.minor, u); }
+        double arc_m(double u) const { return linear(*from.arc_m, *to.arc_m, u); }
         double up_m(double u) const { return linear(*from.up_m, *to.up_m, u) + raised_m(u); }
         double raised_m(double u) const { return bump_m * 4 * u * (1 - u); }
         double height_m(double u) const { return linear(*from.height_m, *to.height_m, u) + raised_m(u); }

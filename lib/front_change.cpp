@@ -41,13 +41,7 @@ void Front::find_facet(std::size_t i, std::size_t lane, const Way& way, double b
         SampleLanes lanes() { return {&part, &minor, &arc, &height, &up, &out, nullptr, nullptr, nullptr}; }
     };
     const auto end_at = [&](double u) {
-        const SampleLanes &from = way.from, &to = way.to;
-        return End{linear(*from.part, *to.part, u),
-                   linear(*from.minor, *to.minor, u),
-                   linear(*from.arc_m, *to.arc_m, u),
-                   way.height_m(u),
-                   way.up_m(u),
-                   way.out_m(u)};
+        return End{way.part(u), way.minor(u), way.arc_m(u), way.height_m(u), way.up_m(u), way.out_m(u)};
     };
     End first = end_at(begin), last = end_at(end);
     facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
@@ -62,9 +56,7 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
 }
 
 Front::Track Front::track(const Way& way, const PieceEnd& a, const PieceEnd& b) const {
-    const SampleLanes &from = way.from, &to = way.to;
-    return {between_.major(linear(*from.part, *to.part, a.part)), linear(*from.minor, *to.minor, a.part),
-            between_.major(linear(*from.part, *to.part, b.part)), linear(*from.minor, *to.minor, b.part)};
+    return {between_.major(way.part(a.part)), way.minor(a.part), between_.major(way.part(b.part)), way.minor(b.part)};
 }
 
 void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, const PieceEnd& last, double bow) {

@@ -82,14 +82,12 @@ void Front::keep_piece(std::size_t lane, std::size_t i, const Way& way, const Pi
     keep(P::rise, 1.0), keep(P::swing, bow);  // what counts is one over the other
     if (scene_->range_is_ground) keep(P::x0, first.x), keep(P::x1, last.x);
     if (needs_facets_) {
-        const auto between = [](const double* a, const double* b, double u) { return linear(*a, *b, u); };
-        const SampleLanes &from = way.from, &to = way.to;
         const double a = first.part, b = last.part;
         keep(P::up0, way.up_m(a)), keep(P::up1, way.up_m(b));
         keep(P::out0, way.out_m(a)), keep(P::out1, way.out_m(b));
         keep(P::height0, way.height_m(a)), keep(P::height1, way.height_m(b));
-        keep(P::arc0, between(from.arc_m, to.arc_m, a)), keep(P::arc1, between(from.arc_m, to.arc_m, b));
-        keep(P::part0, between(from.part, to.part, a)), keep(P::part1, between(from.part, to.part, b));
+        keep(P::arc0, way.arc_m(a)), keep(P::arc1, way.arc_m(b));
+        keep(P::part0, way.part(a)), keep(P::part1, way.part(b));
         pieces_.set_pair(P::behind, at, posts_.data() + 2 * i);
         pieces_.set_pair(P::ahead, at, posts_.data() + 2 * tile_lanes + 2 * i);
     }

@@ -94,9 +94,8 @@ void check_response(const Settings& settings) {
         return;
     }
     // A store's own stands by its response.
-    if (const std::string table = settings.spelled("class-table");
-        settings.given.contains("class-table") && table == "--class-table")
-        throw InputError(text(table, " is given; of coverage it is for --layer response alone"));
+    if (settings.by_option("class-table"))
+        throw InputError("--class-table is given; of coverage it is for --layer response alone");
     for (const Key& key : key_table())
         if (key.of_response && key.get(settings) != key.get(defaults))
             throw InputError(text("--", key.name, " is ", in_quotes(key.get(settings).value_or("")),

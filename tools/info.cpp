@@ -365,7 +365,7 @@ void check_one_place(const Settings& settings) {
 std::vector<Given> said_of_scenes(const Settings& settings) {
     std::vector<Given> said;
     for (const char* key : {"memory", "class-table"})
-        if (settings.given.contains(key) && settings.spelled(key).starts_with("--"))
+        if (settings.by_option(key))
             said.push_back({key, find_key(key)->get(settings).value_or(""), settings.spelled(key), ""});
     for (const auto& [name, value] : settings.config)
         said.push_back({"config", text(name, "=", value), settings.spelled("config"), ""});

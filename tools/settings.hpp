@@ -112,6 +112,11 @@ struct Settings {
         const auto at = given.find(key);
         return at == given.end() ? "--" + key : at->second;
     }
+    /// Is it given, and by an option of the command line: not by a scene file or a store?
+    bool by_option(const std::string& key) const {
+        const auto at = given.find(key);
+        return at != given.end() && at->second.starts_with("-");
+    }
 };
 
 /// The word of `culture-legend` for the raster's own attribute table.

@@ -260,7 +260,7 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
         constexpr std::string_view of_a_spill[] = {"around", "memory", "threads",     "overwrite",
                                                    "config", "quiet",  "class-table", "culture-height-scale"};
         for (const auto& [key, word] : settings.given)
-            if (word.starts_with("-") &&
+            if (settings.by_option(key) &&
                 std::find(std::begin(of_a_spill), std::end(of_a_spill), key) == std::end(of_a_spill))
                 throw InputError(text(word, " is given, and ", in_quotes(settings.files[0]),
                                       " is a store that stands; around adds a spill to it and nothing else"));

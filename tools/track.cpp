@@ -310,8 +310,8 @@ void check_outputs(const Settings& settings, const TrackFrames& frames) {
 
 /// Where a heading is given that is not one of a scene file which the track on the command line stands over; else empty.
 std::string heading_beside(const Settings& settings) {
-    const auto on_command_line = [&](const char* key) { return settings.spelled(key).starts_with("--"); };
-    const bool beside = settings.given.contains("heading") && (on_command_line("heading") || !on_command_line("track"));
+    const bool beside =
+        settings.given.contains("heading") && (settings.by_option("heading") || !settings.by_option("track"));
     return beside ? settings.spelled("heading") : "";
 }
 
