@@ -96,7 +96,6 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
                    (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
         };
         const PatternTable& pattern = *scene_->pattern;
-        const PatternLobe& lobe = pattern.lobe();
         const bool drops = pattern.meets_drop(first.sine, last.sine);
         constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
         // Lanes interpolate between the entries on either side of a drop.
@@ -115,7 +114,7 @@ void Front::rise(std::size_t lane, std::size_t i, Samples& next, double begin, c
                                    range_bins) &&
                    (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn())) &&
                    (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine)) &&
-                   short_in_lobe(a.sine, b.sine, lobe.low, lobe.high, lobe.part);
+                   pattern.straight_over(a.sine, b.sine);
         };
         if (!together(first, last))
             halve(

@@ -130,12 +130,14 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
             drop.low = std::max(-1.0, -1 + 2 * std::floor(x - slack) / intervals_);
             drop.high = std::min(1.0, -1 + 2 * std::ceil(x + slack) / intervals_);
         }
-    lobe_ = find_lobe();
+    find_lobe();
 }
 
-PatternLobe PatternTable::find_lobe() const {
-    constexpr double too_long = 0.03, short_enough = 0.005, dark = 0.001;  // of the mean; of most()
+void PatternTable::find_lobe() {
+    constexpr double too_long = 0.03, short_enough = 0.005;  // of the mean, or of most() by these:
+    constexpr double dark_below = 1e-6, dark_above = 1e-3;   // ground above the horizon is far
     constexpr double shrink = 0.75, least_part = 1e-4;
+    constexpr std::size_t buckets = 4096, ends_of_bucket = 16;
     const double interval = 2.0 / intervals_;
     const auto sine_of = [&](std::size_t entry) { return -1 + static_cast<double>(entry) * interval; };
     std::vector<double> upto(values_.size(), 0);  // the table's integral, in intervals
@@ -147,10 +149,15 @@ PatternLobe PatternTable::find_lobe() const {
     };
     // How far off a piece of whole intervals is, as long as that part, whose mean is taken as power_lanes() does.
     const auto error = [&](std::size_t end, double part) {
-        const std::size_t begin = begin_of(end, part);
-        const double sine0 = sine_of(begin), sine1 = sine_of(end);
-        if (end - begin < 2 || meets_drop(sine0, sine1)) return 0.0;
-        const double mean = (upto[end] - upto[begin]) / static_cast<double>(end - begin);
+        const double sine1 = sine_of(end);
+        std::size_t begin = begin_of(end, part);
+        for (const PatternDrop& drop : drops_)  // pieces are cut there
+            if (sine1 > drop.low && sine_of(begin) < drop.high)
+                begin = std::min(end, static_cast<std::size_t>(std::ceil((drop.high + 1) / interval)));
+        if (end - begin < 2) return 0.0;
+        const double sine0 = sine_of(begin);
+        const double mean = (upto[end] - upto[begin]) / static_cast<double>(end - begin),
+                     dark = sine1 > 0 ? dark_above : dark_below;
         return std::abs(mean_gain(sine0, sine1, *this) - mean) / std::max(mean, dark * most_);
     };
     const auto entries = static_cast<std::size_t>(intervals_);
@@ -160,15 +167,28 @@ PatternLobe PatternTable::find_lobe() const {
             first = std::min(first, begin_of(end, most_sine_part));
             last = end;
         }
-    if (last == 0) return {};
-    PatternLobe lobe{sine_of(first), sine_of(last), most_sine_part};
-    const auto is_off = [&] {
-        for (std::size_t end = first; end <= last; ++end)
-            if (error(end, lobe.part) > short_enough) return true;
-        return false;
-    };
-    while (lobe.part > least_part && is_off()) lobe.part *= shrink;
-    return lobe;
+    if (last == 0) return;
+    lobe_ = {sine_of(first), sine_of(last), most_sine_part};
+    parts_.assign(buckets, static_cast<float>(most_sine_part));
+    const std::size_t bucket = entries / buckets, stride = std::max<std::size_t>(1, bucket / ends_of_bucket);
+    for (std::size_t k = first / bucket; k < buckets && k * bucket <= last; ++k) {
+        double part = most_sine_part;
+        // Its half too: a long one may be right by chance, but not where in it the power lies.
+        const auto is_off = [&] {
+            for (std::size_t end = k * bucket; end <= (k + 1) * bucket; end += stride)
+                if (error(end, part) > short_enough || error(end, 0.5 * part) > short_enough) return true;
+            return false;
+        };
+        while (part > least_part && is_off()) part *= shrink;
+        parts_[k] = static_cast<float>(part);
+        lobe_.part = std::min(lobe_.part, static_cast<double>(parts_[k]));
+    }
+}
+
+bool PatternTable::straight_over(double sine0, double sine1) const {
+    if (sine0 >= lobe_.high || sine1 <= lobe_.low) return true;
+    const auto at = static_cast<std::size_t>((sine1 + 1) * 0.5 * static_cast<double>(parts_.size()));
+    return short_rise(sine1 - sine0, sine1, static_cast<double>(parts_[std::min(at, parts_.size() - 1)]));
 }
 
 bool PatternTable::passes_drop(double sine0, double sine1) const {

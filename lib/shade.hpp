@@ -28,9 +28,11 @@ public:
     double most() const { return most_; }    ///< largest entry
     double error() const { return error_; }  ///< relative
     const std::array<PatternDrop, 2>& drops() const { return drops_; }
-    /// Where a piece that is a short_rise() is too long for power_lanes(): by more than 3 % of its mean, or of a thousandth of
-    /// most(); and the part of it by which half a percent is kept.
+    /// Where a piece that is a short_rise() is too long for power_lanes(): by more than 3 % of its mean, or of a millionth of
+    /// most() (a thousandth above the horizon); and the part of it by which half a percent is kept all over there.
     const PatternLobe& lobe() const { return lobe_; }
+    /// Whether a piece that is a short_rise() is short enough for power_lanes() where it lies: to half a percent in lobe().
+    bool straight_over(double sine0, double sine1) const;
     /// Whether a drop lies between two sines, and whether they have to do with the entries beside one.
     bool passes_drop(double sine0, double sine1) const;
     bool meets_drop(double sine0, double sine1) const;
@@ -43,12 +45,13 @@ private:
         double first, second, part;  ///< the two beside a sine, and how far from the first to the second that lies
     };
     Entries beside(double sine) const;
-    PatternLobe find_lobe() const;
+    void find_lobe();
     int intervals_ = 0;
     std::vector<float> values_;
     double most_ = 0, error_ = 0;
     std::array<PatternDrop, 2> drops_;
     PatternLobe lobe_;
+    std::vector<float> parts_;  ///< of a short_rise() that ends in each of equal steps of the sine; none without a lobe
 };
 
 /// K of the radar equation: P_t G_0^2 lambda^2 / ((4 pi)^3 L_s); echo = K g^2 sigma / r^4.

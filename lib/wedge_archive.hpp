@@ -16,7 +16,7 @@ namespace wedgescope {
 struct ResolvedScene;
 
 /// Goes up with every change of the engine that changes a bit of an echo or of its states.
-inline constexpr int echo_revision = 24;
+inline constexpr int echo_revision = 25;
 
 /// Something a bit of the echo depends on, by the name of the key that a user would look at.
 struct Fact {

@@ -72,41 +72,61 @@ TEST_CASE("a flat plain returns the power of the closed radar equation", "[engin
     }
 }
 
-TEST_CASE("an elevation pattern narrower than a post is deep lights a plain as the radar equation has it", "[engine]") {
-    // The beam's middle meets the plain at 2 km, where 30 m are 0.43 degrees.
-    const double height = 1000;
-    MemorySource source(301, 301, 30, [](double, double) { return 0.0; });
-    Scene s = scene_of_one_gamma(4500.3, -4500.7, height, 4000);
-    s.earth_k.reset();
-    s.radar.antenna = AntennaParams{};
-    s.radar.antenna.elevation = ElevationPattern::gaussian;
-    s.radar.antenna.knee = {};
-    s.radar.antenna.width = Angle::degrees(1);
-    s.radar.antenna.tilt = Angle::degrees(30);
-    s.range_bin_m = 18.737;
-    for (const Quality quality : {Quality::draft, Quality::exact}) {
-        s.quality = quality;
-        const RunResult r = simulate(s, source);
-        const PolarGrid& grid = r.echo_w.grid;
-        std::size_t lit = 0;
-        for (std::size_t j = 60; j < grid.range_count(); ++j) {
+TEST_CASE("an elevation pattern that bends within a post lights a plain as the radar equation has it", "[engine]") {
+    AntennaParams narrow, skirts, measured;
+    narrow.elevation = skirts.elevation = ElevationPattern::gaussian;
+    narrow.knee = skirts.knee = {};
+    narrow.width = Angle::degrees(1);
+    narrow.tilt = Angle::degrees(30);
+    skirts.width = Angle::degrees(5);
+    measured.elevation = ElevationPattern::points;
+    // A bent main lobe, a null, a side lobe 28 dB down.
+    for (const auto& [depression_deg, gain_db] :
+         {std::pair{-90, -30}, {0, 0}, {10, -45}, {12, -28}, {20, -35}, {90, -50}})
+        measured.points.push_back({Angle::degrees(depression_deg), Decibel(gain_db)});
+    struct Case {
+        const char* name;
+        const AntennaParams& antenna;
+        double height_m, range_m, range_bin_m;
+        std::size_t nearest;
+    };
+    // The narrow beam's middle meets the plain at 2 km, where 30 m are 0.43 degrees. On a mast it is the side lobes that posts
+    // are long for: those of 150 m look 2 degrees deep.
+    for (const Case& c : {Case{"narrow", narrow, 1000, 4000, 18.737, 60},
+                          {"skirts", skirts, 30, 1000, 12, 3},
+                          {"measured", measured, 30, 1000, 12, 3}}) {
+        MemorySource source(301, 301, 30, [](double, double) { return 0.0; });
+        Scene s = scene_of_one_gamma(4500.3, -4500.7, c.height_m, c.range_m);
+        s.earth_k.reset();
+        s.radar.antenna = c.antenna;
+        s.range_bin_m = c.range_bin_m;
+        for (const Quality quality : {Quality::draft, Quality::exact}) {
+            s.quality = quality;
+            const RunResult r = simulate(s, source);
+            const PolarGrid& grid = r.echo_w.grid;
             // E = K gamma da (integral of g^2 / r^2 over the sine of elevation, h / r)
-            const double near = static_cast<double>(j) * grid.range_bin_m, step = grid.range_bin_m / 64;
-            double sum = 0;
-            for (int part = 0; part < 64; ++part) {
-                const double range = near + (part + 0.5) * step,
-                             g = elevation_pattern(s.radar.antenna, std::asin(height / range));
-                sum += g * g * height / std::pow(range, 4) * step;
+            std::size_t lit = 0;
+            double most_off_db = 0;
+            for (std::size_t j = c.nearest; j < grid.range_count(); ++j) {
+                const double near = static_cast<double>(j) * grid.range_bin_m, step = grid.range_bin_m / 64;
+                double sum = 0;
+                for (int part = 0; part < 64; ++part) {
+                    const double range = near + (part + 0.5) * step,
+                                 g = elevation_pattern(s.radar.antenna, std::asin(c.height_m / range));
+                    sum += g * g * c.height_m / std::pow(range, 4) * step;
+                }
+                // 30 dB below the beam's middle, 60 both ways.
+                if (sum < 1e-6 * c.height_m / std::pow(near, 4) * grid.range_bin_m) continue;
+                ++lit;
+                const double echo = radar_constant(s.radar) * gamma_of(s) * grid.azimuth_step_rad() * sum;
+                for (std::size_t row = 0; row < grid.azimuth_count(); row += 7)
+                    most_off_db = std::max(most_off_db,
+                                           std::abs(10 * std::log10(static_cast<double>(r.echo_w.row(row)[j]) / echo)));
             }
-            const double echo = radar_constant(s.radar) * gamma_of(s) * grid.azimuth_step_rad() * sum;
-            if (sum < 1e-7 * height / std::pow(near, 4) * grid.range_bin_m) continue;
-            ++lit;
-            for (std::size_t row = 0; row < grid.azimuth_count(); row += 7) {
-                INFO(word(quality) << " range " << near << " row " << row);
-                REQUIRE(std::abs(10 * std::log10(static_cast<double>(r.echo_w.row(row)[j]) / echo)) < 0.05);
-            }
+            INFO(c.name << ' ' << word(quality));
+            CHECK(lit >= 10);
+            CHECK(most_off_db < 0.05);
         }
-        CHECK(lit > 10);
     }
 }
 
