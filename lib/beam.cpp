@@ -391,16 +391,26 @@ std::size_t weight_bytes(const BeamSetting& setting, const PolarGrid& grid) {
            pulses * static_cast<std::size_t>(lead + 1) * sizeof(double);
 }
 
+EchoAround::Place EchoAround::at(std::int64_t azimuth_bin, std::int64_t circle_bins) const {
+    const auto n = static_cast<std::int64_t>(rays.size());
+    const std::int64_t bin = bins_after(azimuth_bin, 0, circle_bins),
+                       halves = (2 * bin + 1) * n,  // of a bin, times rays
+        first = halves / (2 * circle_bins);
+    const double part = static_cast<double>(halves - first * 2 * circle_bins) / static_cast<double>(2 * circle_bins);
+    return {static_cast<std::size_t>(first), static_cast<std::size_t>((first + 1) % n), static_cast<float>(part)};
+}
+
 namespace {
 
 /// The power image, a strip of ranges at a time.
 class Gathering {
 public:
     Gathering(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-              std::span<const float> everywhere_w, const Stop* stop)
-        : echo_(echo), shown_(shown), setting_(setting), everywhere_w_(everywhere_w), stop_(stop), filled_(echo) {
-        if (!everywhere_w.empty() && everywhere_w.size() != echo.grid.range_count())
-            throw Error("what is everywhere has other range bins than the echo image");
+              const EchoAround& around, const Stop* stop)
+        : echo_(echo), shown_(shown), setting_(setting), around_(around), stop_(stop), filled_(echo) {
+        for (const std::vector<float>& ray : around.rays)
+            if (!ray.empty() && ray.size() != echo.grid.range_count())
+                throw Error("what is around has other range bins than the echo image");
     }
 
     /// Of the range bins of `strip`, the i-th azimuth shown to where to(i) says, called right before.
@@ -412,13 +422,15 @@ public:
         const Resolution::SourceRow source = [&](std::int64_t azimuth_bin) {
             return echo_.row(echo_.grid.row_of(azimuth_bin)) + skip;
         };
-        // The same in all azimuths, so beam and pulse make one row of it.
-        std::vector<double> more(everywhere_w_.empty() ? 0 : static_cast<std::size_t>(strip.size()));
-        if (!more.empty()) {
-            std::vector<double> scratch;
-            const float* const from = everywhere_w_.data() + skip;
+        // Much the same all over the beam, so beam and pulse make one row of each ray.
+        std::vector<std::vector<double>> more(around_.rays.size());
+        std::vector<double> beside;
+        for (std::size_t k = 0; k < more.size(); ++k) {
+            if (around_.rays[k].empty()) continue;
+            more[k].resize(static_cast<std::size_t>(strip.size()));
+            const float* const from = around_.rays[k].data() + skip;
             resolution.row(
-                0, [&](std::int64_t) { return from; }, scratch, more);
+                0, [&](std::int64_t) { return from; }, beside, more[k]);
         }
         oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, shown_.azimuth_count(), 4),
                                   [&](const auto& rows) {
@@ -426,10 +438,17 @@ public:
                                       std::vector<double> sums(static_cast<std::size_t>(strip.size()));
                                       for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
                                           if (stop_) stop_->check();
-                                          resolution.row(shown_.azimuth_bins.begin + static_cast<std::int64_t>(i),
-                                                         source, scratch, sums, &filled_);
+                                          const std::int64_t azimuth =
+                                              shown_.azimuth_bins.begin + static_cast<std::int64_t>(i);
+                                          resolution.row(azimuth, source, scratch, sums, &filled_);
                                           float* const out = to(i);
-                                          for (std::size_t j = 0; j < more.size(); ++j) sums[j] += more[j];
+                                          if (!more.empty()) {
+                                              const EchoAround::Place at = around_.at(azimuth, shown_.circle_bins);
+                                              const double part = at.part;
+                                              const std::vector<double>&a = more[at.first], &b = more[at.second];
+                                              for (std::size_t j = 0; j < sums.size(); ++j)
+                                                  sums[j] += a[j] + part * (b[j] - a[j]);
+                                          }
                                           for (std::size_t j = 0; j < sums.size(); ++j)
                                               out[j] = static_cast<float>(sums[j]);
                                       }
@@ -440,7 +459,7 @@ private:
     const PolarImage<float>& echo_;
     const PolarGrid& shown_;
     const BeamSetting& setting_;
-    std::span<const float> everywhere_w_;
+    const EchoAround& around_;
     const Stop* stop_;
     FilledParts filled_;
 };
@@ -448,10 +467,10 @@ private:
 }  // namespace
 
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used, std::span<const float> everywhere_w, const Stop* stop) {
+                              PolarImage<float>&& used, const EchoAround& around, const Stop* stop) {
     PolarImage<float> power(shown, std::move(used));
     if (shown.cells() == 0) return power;
-    const Gathering gathering(echo, shown, setting, everywhere_w, stop);
+    const Gathering gathering(echo, shown, setting, around, stop);
     const std::int64_t strip = strip_bins(setting, shown, 0, 0);
     for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip)
         gathering.gather({begin, std::min(begin + strip, shown.range_bins.end)},
@@ -459,14 +478,14 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
     return power;
 }
 
-PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
-                                 std::span<const float> everywhere_w, const Stop* stop) {
+PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting, const EchoAround& around,
+                                 const Stop* stop) {
     PolarImage<float> image = std::move(echo);
     const PolarGrid grid = image.grid;
     if (grid.cells() == 0) return image;
     const std::int64_t strip = strip_in_place(setting, grid);
-    if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, everywhere_w, stop);
-    const Gathering gathering(image, grid, setting, everywhere_w, stop);
+    if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, around, stop);
+    const Gathering gathering(image, grid, setting, around, stop);
     PolarGrid part = grid;
     part.range_bins = {0, strip};
     PolarImage<float> gathered(part, {}), waiting(part, {});

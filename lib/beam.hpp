@@ -40,6 +40,20 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 /// at slant range r - scale c tau/2, or to the nadir if the surface is not so near.
 double pulse_on_ground_m(const BeamSetting& setting, double scale, double arc_m);
 
+/// Echo that changes little from azimuth to azimuth (rain): watts in each range bin of an image, at azimuths an equal part of the circle
+/// apart, from north on, and straight between two. One: the same everywhere. None: there is no such echo.
+struct EchoAround {
+    std::vector<std::vector<float>> rays;  ///< those that no row of the image lies beside may be empty
+
+    bool empty() const { return rays.empty(); }
+    /// Between which two the middle of an azimuth bin lies, and how far from the first to the second.
+    struct Place {
+        std::size_t first, second;
+        float part;
+    };
+    Place at(std::int64_t azimuth_bin, std::int64_t circle_bins) const;
+};
+
 /// P(i,j) = sum_k E(k,j) g_az((az_i - az_k) cos d_j)^2, d_j the depression of a level surface at the reference
 /// height at the middle of range bin j, cos d_j at least 0.5; each bin at most once round the circle. Then the
 /// one-sided pulse: cell j is the mean over the bin of the sum of the echoes in (r - c tau/2, r]: weights
@@ -51,16 +65,15 @@ double pulse_on_ground_m(const BeamSetting& setting, double scale, double arc_m)
 /// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result
 /// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads. `used`: an image whose
 /// memory may serve again.
-///   everywhere_w  echo of every azimuth in each range bin of `echo`, on top of it (rain); empty: none
+///   around  echo on top of that image (rain), in its range bins
 ///   stop  looked at between rows: Interrupted
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used = {}, std::span<const float> everywhere_w = {},
-                              const Stop* stop = nullptr);
+                              PolarImage<float>&& used = {}, const EchoAround& around = {}, const Stop* stop = nullptr);
 
 /// The same bits for an echo image of which all is shown; in its own memory, with less than half as much beside it, unless it has
 /// few range bins.
-PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
-                                 std::span<const float> everywhere_w = {}, const Stop* stop = nullptr);
+PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting, const EchoAround& around = {},
+                                 const Stop* stop = nullptr);
 
 /// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least
 /// 0.5.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "lib/far_shore.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/shade.hpp"
 
@@ -37,7 +38,7 @@ RadarParams like_bins_of(const ResolvedScene& scene) {
 
 BrightEcho::BrightEcho(const ResolvedScene& scene, const DataBase& data_base)
     : radar_(like_bins_of(scene)), earth_(scene.earth), height_m_(std::max(0.0, scene.sensor_m - scene.reference_m)),
-      gamma_(scene.scene.far_shore && data_base.has_culture ? infinite : most_gamma(scene.scene, data_base)) {}
+      gamma_(lights_far_shores(scene.scene, data_base) ? infinite : most_gamma(scene.scene, data_base)) {}
 
 double BrightEcho::over_noise(double range_m) const {
     if (!known()) return infinite;

@@ -49,7 +49,7 @@ PathLossRays loss_rays(const ResolvedScene& s, double most_range_m) {
 /// What weather does to one scene: the loss on the way, and the echo of the rain in each swept range bin.
 struct WeatherHere {
     std::optional<PathLossTable> loss;  ///< none: clear
-    std::vector<float> rain_w;          ///< none: no rain
+    EchoAround rain;                    ///< as much as the swept azimuths meet
 
     WeatherHere() = default;
     WeatherHere(const ResolvedScene& s, const Weather& weather, const PatternTable& pattern) {
@@ -64,13 +64,26 @@ struct WeatherHere {
         const PathLossRays rays = loss_rays(s, edges_m.back());
         loss.emplace(weather, rays);
         if (weather.params().rain_mm_h == 0) return;
-        const RainEcho rain(weather, *loss, pattern,
-                            {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m, s.rain_floor});
-        rain_w = rain.cells_w(edges_m, s.swept.azimuth_step_rad());
+        rain.rays.resize(std::max<std::size_t>(1, s.rain_floor.size()));
+        std::vector<bool> met(rain.rays.size(), false);
+        for (std::int64_t bin = s.swept.azimuth_bins.begin; bin < s.swept.azimuth_bins.end; ++bin) {
+            const EchoAround::Place at = rain.at(bin, s.swept.circle_bins);
+            met[at.first] = met[at.second] = true;
+        }
         // The beam will widen each bin as level ground at its range; rain is wider by its own elevation already.
         const BeamSetting beam = beam_setting(s);
-        for (std::size_t j = 0; j < rain_w.size(); ++j)
-            rain_w[j] *= static_cast<float>(level_cosine(beam, s.swept.range_of_column_m(j)));
+        std::vector<float> level;
+        for (std::size_t j = 0; j < s.swept.range_count(); ++j)
+            level.push_back(static_cast<float>(level_cosine(beam, s.swept.range_of_column_m(j))));
+        tbb::parallel_for(std::size_t{0}, rain.rays.size(), [&](std::size_t k) {
+            if (!met[k]) return;
+            std::vector<float>& ray = rain.rays[k];
+            ray = RainEcho(weather, *loss, pattern,
+                           {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m,
+                            s.rain_floor.empty() ? std::vector<RainFloor>() : s.rain_floor[k]})
+                      .cells_w(edges_m, s.swept.azimuth_step_rad());
+            for (std::size_t j = 0; j < ray.size(); ++j) ray[j] *= level[j];
+        });
     }
 };
 
@@ -234,10 +247,10 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep_r
         const Span stage(params.timeline, "beam", "stage");
         const Stopwatch watch;
         if (echo_done && !as_image && scene.shown == scene.swept)
-            result.power_w = power_in_place(std::exchange(result.echo_w, {}), beam, weather.rain_w, params.stop);
+            result.power_w = power_in_place(std::exchange(result.echo_w, {}), beam, weather.rain, params.stop);
         else
             result.power_w =
-                power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w, params.stop);
+                power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain, params.stop);
         result.report.beam_s = watch.wall_s();
     }
     if (!as_image) {
@@ -249,7 +262,7 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep_r
     if (echo_done) result.received_w = std::exchange(result.echo_w, {});
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
     result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w),
-                                       weather.rain_w, params.stop);
+                                       weather.rain, params.stop);
     const std::size_t blanked = blanked_bins(scene, scene.shown);
     for (std::size_t i = 0; i < scene.shown.azimuth_count(); ++i) std::fill_n(result.received_w.row(i), blanked, 0.0F);
     result.report.receiver_s = watch.wall_s();

@@ -56,8 +56,9 @@ struct ResolvedScene {
     /// How much single posts of the ground around stand out: a quarter of the root mean square of z00 - z10 - z01 + z11 over the
     /// posting. 0 on planes and on ridges along a line; not of coverage.
     double roughness = 0;
-    /// With rain, where ground is known: how low rays pass through it, on the mean all round; by range ascending.
-    std::vector<RainFloor> rain_floor;
+    /// With rain: how low it is seen, by azimuths an equal part of the circle apart, from north on, of each by range ascending; of one
+    /// along which no ground is known there is none. One for all azimuths where they are alike; none where no ground is known at all.
+    std::vector<std::vector<RainFloor>> rain_floor;
 };
 
 /// Finds position, height above sea level and every default. InputError, DataError.

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lib/scene.hpp"
 #include "lib/sea.hpp"
+#include "lib/wedge_source.hpp"
 
 namespace wedgescope {
 namespace {
@@ -35,6 +37,10 @@ bool above(const ShoreWindow& window, const Image& a, const Image& b) {
 }
 
 }  // namespace
+
+bool lights_far_shores(const Scene& scene, const DataBase& data_base) {
+    return scene.far_shore && data_base.has_culture;
+}
 
 ShoreWindow ShoreWindow::between(const ShoreWindow& a, const ShoreWindow& b) {
     if (a.state == none || b.state == none) return {};

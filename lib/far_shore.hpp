@@ -15,6 +15,12 @@
 
 namespace wedgescope {
 
+struct DataBase;
+struct Scene;
+
+/// Whether a scene asks for far shores over a data base that tells water from land: by culture alone.
+bool lights_far_shores(const Scene& scene, const DataBase& data_base);
+
 /// A point of a visible piece, as the sweep has it (sweep.hpp, SightLine).
 struct ShorePoint {
     double sine = 0;  ///< of its elevation

@@ -110,8 +110,8 @@ Dwells dwells_of(const PolarGrid& grid, const Noise& noise) {
 }  // namespace
 
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,
-                                 const FluctuationSetting& setting, PolarImage<float>&& used,
-                                 std::span<const float> everywhere_w, const Stop* stop) {
+                                 const FluctuationSetting& setting, PolarImage<float>&& used, const EchoAround& around,
+                                 const Stop* stop) {
     const auto each = [&](std::size_t n, const auto& body) {
         oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, n), [&](const auto& range) {
             for (std::size_t i = range.begin(); i < range.end(); ++i) {
@@ -138,7 +138,7 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
     const double mean_noise_w = setting.noise ? 0 : setting.noise_power_w;
     const std::size_t echo_rows = speckle ? echo.grid.azimuth_count() : 0;
     std::optional<FilledParts> parts;
-    if (speckle && everywhere_w.empty()) parts.emplace(echo);
+    if (speckle && around.empty()) parts.emplace(echo);
     const FilledParts* const filled = parts ? &*parts : nullptr;
     // A strip of ranges at a time, all azimuths of it: memory does not grow with the image.
     const std::int64_t bytes_per_cell = 32;
@@ -169,11 +169,16 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                 const float* const cells = echo.row(i) + (source_begin - echo.grid.range_bins.begin);
                 float* const re = ground.re.data() + i * sources;
                 float* const im = ground.im.data() + i * sources;
-                const float* const more =
-                    everywhere_w.empty() ? nullptr : everywhere_w.data() + (source_begin - echo.grid.range_bins.begin);
+                const EchoAround::Place at =
+                    around.empty() ? EchoAround::Place{} : around.at(azimuth, grid.circle_bins);
+                const auto more = [&](std::size_t ray) {
+                    return around.empty() ? nullptr
+                                          : around.rays[ray].data() + (source_begin - echo.grid.range_bins.begin);
+                };
+                const float *const first = more(at.first), *const second = more(at.second);
                 for (std::size_t j = 0; j < sources; ++j) {
                     re[j] = im[j] = 0;
-                    const float cell = more ? cells[j] + more[j] : cells[j];
+                    const float cell = first ? cells[j] + (first[j] + at.part * (second[j] - first[j])) : cells[j];
                     if (!(cell > 0)) continue;
                     const ComplexNormal z =
                         draw(setting.seed, source_begin + static_cast<std::int64_t>(j), azimuth, look, speckle_stream);

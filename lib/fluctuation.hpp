@@ -22,9 +22,9 @@ struct FluctuationSetting {
 ///    with speckle off added to a signal of fixed amplitude sqrt(power).
 /// Draws are keyed by (seed; global range bin, global azimuth bin, look, stream). Source: physics "Fluctuation
 /// statistics and random numbers".
-/// `used`: an image whose memory may serve again. `everywhere_w`: as power_image() had it. `stop`: looked at between rows.
+/// `used`: an image whose memory may serve again. `around`: as power_image() had it. `stop`: looked at between rows.
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,
                                  const FluctuationSetting& setting, PolarImage<float>&& used = {},
-                                 std::span<const float> everywhere_w = {}, const Stop* stop = nullptr);
+                                 const EchoAround& around = {}, const Stop* stop = nullptr);
 
 }  // namespace wedgescope

@@ -35,7 +35,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height),
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
-      shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
+      shore_(scene.shore && scene.shore->on() ? scene.shore : nullptr),
       at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
       parts_wait_(!shore_ && !scene.with_depression), may_join_(plain_ground_ && parts_wait_ && !needs_facets_),
       quadrant_(run.quadrant), fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)),

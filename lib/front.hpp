@@ -54,7 +54,7 @@ struct SweepScene {
     const PatternTable* pattern = nullptr;
     double constant = 0;                  ///< K
     const ClassLaws* laws = nullptr;      ///< of the classes
-    const FarShore* shore = nullptr;      ///< null or off: no bank is brightened
+    const FarShore* shore = nullptr;      ///< null or off: no bank is brightened (lights_far_shores)
     const PathLossTable* loss = nullptr;  ///< null: nothing is lost on the way
     WedgeSource* source = nullptr;        ///< of classes; only with culture
 };

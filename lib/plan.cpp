@@ -7,6 +7,7 @@
 
 #include "lib/cull.hpp"
 #include "lib/error.hpp"
+#include "lib/far_shore.hpp"
 #include "lib/front.hpp"
 #include "lib/refine.hpp"
 
@@ -89,7 +90,7 @@ public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
         : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
           facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))),
-          shore_(scene.scene.far_shore && source.data_base().has_culture), refines_(refines(scene.scene)),
+          shore_(lights_far_shores(scene.scene, db_)), refines_(refines(scene.scene)),
           parts_below_(parts_below(scene)) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {

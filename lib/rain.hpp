@@ -25,6 +25,7 @@ inline constexpr double most_rain_mm_h = 500;
 /// Where rain ends below, at a slant range: rays that fall below this height there meet ground on their way.
 struct RainFloor {
     double range_m, height_m;
+    friend bool operator==(const RainFloor&, const RainFloor&) = default;
 };
 
 /// Tilt of the polarisation from the horizontal, as the rain's attenuation takes it.

@@ -76,7 +76,8 @@ RunSetting::RunSetting(const ResolvedScene& s, WedgeSource& source, std::shared_
     : SpokeSetting(s, source), scene(s), data_base(source.data_base()),
       tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
       cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
-                   grid.azimuth_step_rad(), tables->laws.most() * (data_base.has_culture ? tables->shore.most() : 1),
+                   grid.azimuth_step_rad(),
+                   tables->laws.most() * (lights_far_shores(s.scene, data_base) ? tables->shore.most() : 1),
                    nearest_ground(s, map))),
       refinement(refinement_of(s, sampling)) {
     sweep.data_base = &data_base;
@@ -97,7 +98,7 @@ RunSetting::RunSetting(const ResolvedScene& s, WedgeSource& source, std::shared_
     sweep.pattern = &tables->pattern;
     sweep.constant = radar_constant(s.scene.radar);
     sweep.laws = &tables->laws;
-    sweep.shore = &tables->shore;
+    if (lights_far_shores(s.scene, data_base)) sweep.shore = &tables->shore;
     sweep.loss = loss;
     sweep.source = &source;
     if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(s, data_base, *bounds);

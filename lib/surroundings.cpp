@@ -161,25 +161,52 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     s.clearance_m = s.sensor_m - static_cast<double>(*highest);
 }
 
-std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
-    constexpr int height_bits = 6;
-    constexpr double first_m = 64, wider = 1.25;
-    struct Ray {
-        double ground_m;  ///< where nothing is known it goes on level
-        double depression_rad = std::numbers::pi / 2;
-    };
-    std::array<Ray, 16> rays;
-    rays.fill({s.nadir_on_data ? s.reference_m : NAN});
-    const auto azimuth_of = [&](std::size_t ray) {
-        return 2 * std::numbers::pi * static_cast<double>(ray) / static_cast<double>(rays.size());
-    };
+namespace {
+
+/// How low rain is seen along one azimuth.
+class RainRay {
+public:
+    explicit RainRay(const ResolvedScene& s) : s_(&s) {
+        if (!s.nadir_on_data) return;
+        ground_m_ = s.reference_m;
+        floor_.push_back({std::abs(s.sensor_m - s.reference_m), s.reference_m});
+    }
+    /// Outwards; a height that nobody knows is that of the ground before it.
+    void pass(double arc_m, std::optional<double> height_m) {
+        ground_m_ = height_m.value_or(ground_m_);
+        if (std::isnan(ground_m_)) return;
+        constexpr int height_bits = 2;
+        const Earth::Sight to = s_->earth.sight(s_->sensor_m, ground_m_, arc_m);
+        const bool seen = to.depression_rad <= depression_rad_;
+        if (seen) depression_rad_ = to.depression_rad;
+        const double lowest_m =
+            seen ? ground_m_ : s_->earth.ray_point(s_->sensor_m, depression_rad_, to.slant_range_m).height_m;
+        const RainFloor knot{rounded(to.slant_range_m, height_bits), rounded(lowest_m, height_bits)};
+        // Ground that comes no later than ground nearer to the nadir, as the rim of a pit does, cuts the rays off first.
+        while (!floor_.empty() && floor_.back().range_m >= knot.range_m) floor_.pop_back();
+        floor_.push_back(knot);
+    }
+    std::vector<RainFloor>&& floor() && { return std::move(floor_); }
+
+private:
+    const ResolvedScene* s_;
+    double ground_m_ = NAN, depression_rad_ = std::numbers::pi / 2;
+    std::vector<RainFloor> floor_;
+};
+
+}  // namespace
+
+std::vector<std::vector<RainFloor>> rain_floor(const ResolvedScene& s, WedgeSource& source) {
+    constexpr double first_m = 64, wider = 1.1;
+    constexpr std::size_t rays = 32;
     GroundSamples posts;
     std::vector<std::optional<std::size_t>> samples;  // of ray after ray, ring after ring; none outside the raster
     bool within = true;
     for (double arc_m = first_m; within; arc_m *= wider) {
         within = arc_m < *s.scene.range_m;
-        for (std::size_t i = 0; i < rays.size(); ++i) {
-            const auto post = post_at(s, source.data_base(), azimuth_of(i), arc_m);
+        for (std::size_t ray = 0; ray < rays; ++ray) {
+            const double azimuth = 2 * std::numbers::pi * static_cast<double>(ray) / static_cast<double>(rays);
+            const auto post = post_at(s, source.data_base(), azimuth, arc_m);
             samples.push_back(
                 post ? std::optional(posts.add({{post->column, post->column + 1}, {post->row, post->row + 1}}))
                      : std::nullopt);
@@ -187,32 +214,22 @@ std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
     }
     posts.read(source);
 
-    std::vector<RainFloor> floor;
-    if (s.nadir_on_data) floor.push_back({std::abs(s.sensor_m - s.reference_m), s.reference_m});
-    double arc_m = first_m;
-    for (auto sample = samples.begin(); sample != samples.end(); arc_m *= wider) {
-        double range_m = 0, height_m = 0;
-        int known = 0;
-        for (Ray& ray : rays) {
-            if (const auto post = *sample++)
-                if (const float post_m = *posts.heights_m(*post); post_m == post_m)
-                    ray.ground_m = static_cast<double>(post_m);
-            if (std::isnan(ray.ground_m)) continue;
-            const Earth::Sight to = s.earth.sight(s.sensor_m, ray.ground_m, arc_m);
-            const bool seen = to.depression_rad <= ray.depression_rad;
-            if (seen) ray.depression_rad = to.depression_rad;
-            height_m +=
-                seen ? ray.ground_m : s.earth.ray_point(s.sensor_m, ray.depression_rad, to.slant_range_m).height_m;
-            range_m += to.slant_range_m;
-            ++known;
+    std::vector<std::vector<RainFloor>> floors;
+    for (std::size_t ray = 0; ray < rays; ++ray) {
+        RainRay along(s);
+        double arc_m = first_m;
+        for (std::size_t i = ray; i < samples.size(); i += rays, arc_m *= wider) {
+            std::optional<double> height_m;
+            if (samples[i])
+                if (const float post_m = *posts.heights_m(*samples[i]); post_m == post_m)
+                    height_m = static_cast<double>(post_m);
+            along.pass(arc_m, height_m);
         }
-        if (known == 0) continue;
-        const RainFloor knot{rounded(range_m / known, height_bits), rounded(height_m / known, height_bits)};
-        // Ground that comes no later than ground nearer to the nadir, as the rim of a pit does, cuts the rays off first.
-        while (!floor.empty() && floor.back().range_m >= knot.range_m) floor.pop_back();
-        floor.push_back(knot);
+        floors.push_back(std::move(along).floor());
     }
-    return floor;
+    if (std::all_of(floors.begin(), floors.end(), [&](const auto& floor) { return floor == floors[0]; }))
+        floors.resize(floors[0].empty() ? 0 : 1);
+    return floors;
 }
 
 }  // namespace wedgescope

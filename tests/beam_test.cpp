@@ -259,18 +259,42 @@ TEST_CASE("a power image in the echoes' own memory has the bits of one beside th
         echo.cells[k] = k / 700 % 3 == 1 ? 0 : static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
     std::vector<float> rain(g.range_count());
     for (std::size_t j = 0; j < rain.size(); ++j) rain[j] = static_cast<float>(j % 7) * 1e-15f;
-    for (const std::span<const float> everywhere : {std::span<const float>(), std::span<const float>(rain)}) {
-        const PolarImage<float> beside = power_image(echo, g, setting, {}, everywhere);
+    const std::vector<float> none(g.range_count());
+    for (const EchoAround& around : {EchoAround{}, EchoAround{{rain}}, EchoAround{{rain, none, none}}}) {
+        const PolarImage<float> beside = power_image(echo, g, setting, {}, around);
         PolarImage<float> own = echo;
         const float* const memory = own.cells.data();
         const bool wide = c.ranges >= 4 * std::max<std::int64_t>({64, 262144 / c.azimuths, lead_in_bins(setting, 10)});
-        const PolarImage<float> in_place = power_in_place(std::move(own), setting, everywhere);
+        const PolarImage<float> in_place = power_in_place(std::move(own), setting, around);
         CHECK(in_place.grid == g);
         CHECK((in_place.cells.data() == memory) == wide);
         CHECK(in_place.cells == beside.cells);
     }
     PolarImage<float> part(grid(c.azimuths, 10, {0, c.azimuths}, {100, 300}));
     CHECK_THROWS_AS(power_in_place(std::move(part), setting), InputError);
+}
+
+TEST_CASE("what is around an echo image goes straight from one azimuth to the next", "[beam]") {
+    const BeamSetting setting = level(3, 75);
+    const PolarGrid g = grid(360, 20, {350, 400}, {0, 200}), wider = grid(360, 20, {330, 420}, {0, 200});
+    const PolarImage<float> none(wider);
+    const std::vector<float> here(g.range_count(), 1e-12f), there(g.range_count(), 3e-12f);
+    const auto power = [&](const EchoAround& around) { return power_image(none, g, setting, {}, around); };
+    // Three times as much to the east and to the west as to the north.
+    const PolarImage<float> everywhere = power({{here}}), four = power({{here, there, {}, there}});
+    for (const std::int64_t azimuth : {350, 359, 360, 361, 389, 399}) {
+        const std::size_t row = g.row_of(azimuth);
+        const double off_deg = std::abs(static_cast<double>(azimuth) + 0.5 - 360);
+        CHECK(four.row(row)[150] ==
+              Approx(static_cast<double>(everywhere.row(row)[150]) * (1 + 2 * off_deg / 90)).epsilon(1e-5));
+    }
+    const EchoAround place{{here, there, here, there}};
+    const EchoAround::Place last = place.at(359, 360), behind = place.at(-1, 360);
+    CHECK(last.first == 3);
+    CHECK(last.second == 0);
+    CHECK(last.part == Approx(89.5 / 90));
+    CHECK(behind.first == last.first);
+    CHECK_THROWS_AS(power({{std::vector<float>(7)}}), Error);
 }
 
 TEST_CASE("on ground range the pulse lights what lies within its length in slant range", "[beam]") {

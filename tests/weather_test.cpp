@@ -145,9 +145,6 @@ TEST_CASE("the rain's echo is on top of the ground's, spread or not, in any slic
                                                    [static_cast<std::size_t>(j - grid.range_bins.begin)]),
                            WithinRel(all, 1e-6));
             }
-        // Rain is the same in every azimuth.
-        for (std::size_t j = 0; j < rain.power_w.grid.range_count(); j += 11)
-            CHECK(rain.power_w.row(3)[j] == rain.power_w.row(200)[j]);
     }
 }
 
@@ -210,7 +207,9 @@ TEST_CASE("rain falls to the ground where it is, not to the height of that below
         CHECK_THAT(at(mesa.power_w, 5, range),
                    WithinRel(of_low, 1e-3));  // whose edge hides the ground as far as 5.1 km
         CHECK_THAT(at(pit.power_w, 5, range), WithinRel(of_high, 1e-3));
-        CHECK_THAT(at(halves.power_w, 5, range), WithinRel(0.5 * (of_low + of_high), 0.03));
+        // 0 to the west, 1500 m to the east, each half the circle.
+        CHECK_THAT(at(halves.power_w, 270, range), WithinRel(at(low.power_w, 270, range), 1e-3));
+        CHECK_THAT(at(halves.power_w, 90, range), WithinRel(at(high.power_w, 90, range), 1e-3));
     }
     // The rim of a narrow pit comes before its ground.
     const auto over_pit = [](double depth_m) {
@@ -232,12 +231,15 @@ TEST_CASE("rain falls to the ground where it is, not to the height of that below
     s.sector = Sector{Angle::degrees(10), Angle::degrees(40)};
     MemorySource split(801, 801, 30, half);
     const ResolvedScene part = resolve(s, split);
-    REQUIRE(part.rain_floor.size() > 10);
-    for (std::size_t i = 0; i < part.rain_floor.size(); ++i) {
-        CHECK(part.rain_floor[i].range_m == halves.scene.rain_floor[i].range_m);
-        CHECK(part.rain_floor[i].height_m == halves.scene.rain_floor[i].height_m);
+    REQUIRE(part.rain_floor.size() == 32);
+    for (std::size_t ray = 0; ray < 32; ++ray) {
+        REQUIRE(part.rain_floor[ray].size() > 10);
+        REQUIRE(halves.scene.rain_floor[ray].size() >= part.rain_floor[ray].size());
+        for (std::size_t i = 0; i < part.rain_floor[ray].size(); ++i)
+            CHECK(part.rain_floor[ray][i] == halves.scene.rain_floor[ray][i]);
     }
-    for (const RainFloor& knot : high.scene.rain_floor) CHECK(knot.height_m == 1500);
+    REQUIRE(high.scene.rain_floor.size() == 1);
+    for (const RainFloor& knot : high.scene.rain_floor[0]) CHECK(knot.height_m == 1500);
     s.weather.rain_mm_h = 0;
     CHECK(resolve(s, split).rain_floor.empty());
     // Beyond the horizon only what is above the ray that grazes the ground is seen, as over a level surface.
@@ -252,16 +254,45 @@ TEST_CASE("rain falls to the ground where it is, not to the height of that below
     const PathLossTable loss(weather, {.earth = earth, .sensor_m = 600, .most_range_m = 150e3, .highest_m = 20e3});
     const PatternTable pattern(far.radar.antenna);
     const RainEcho level(weather, loss, pattern, params);
-    params.floor = resolve(far, wide).rain_floor;
+    params.floor = resolve(far, wide).rain_floor.at(0);
     const RainEcho floor(weather, loss, pattern, params);
     // Beyond the raster too.
     MemorySource narrow(61, 61, 400, [](double, double) { return 100.0; });
     far.platform.xy = PointXY{12000, -12000};
-    params.floor = resolve(far, narrow).rain_floor;
+    params.floor = resolve(far, narrow).rain_floor.at(0);
     const RainEcho beyond(weather, loss, pattern, params);
     for (const double range : {5e3, 30e3, 80e3, 110e3, 140e3}) {
         CHECK_THAT(floor.density_w_m_rad(range), WithinRel(level.density_w_m_rad(range), 0.01));
         CHECK_THAT(beyond.density_w_m_rad(range), WithinRel(level.density_w_m_rad(range), 0.01));
+    }
+}
+
+TEST_CASE("a mountain hides rain behind it, and nowhere else", "[weather]") {
+    // A plain, and the same with what stands on it beyond 3 km: mountains all over the east, a wall all round.
+    const auto power_over = [](const std::function<double(double, double)>& height_m) {
+        MemorySource source(801, 801, 30, height_m);
+        source.editable().default_class = material_by_name("material", "water");
+        Scene s = scene_at(500, 11000);
+        s.weather.rain_mm_h = 4;
+        s.weather.rain_top_m = 2000;
+        return simulate(s, source);
+    };
+    const RunResult plain = power_over([](double, double) { return 0.0; }),
+                    east = power_over(
+                        [](double c, double r) { return c > 500 && std::abs(r - 400) < c - 400 ? 1600.0 : 0.0; }),
+                    wall = power_over([](double c, double r) {
+                        return std::abs(std::hypot(c - 400, r - 400) - 200) < 12 ? 2500.0 : 0.0;
+                    });
+    for (const double range : {3500.0, 6000.0, 8500.0, 10500.0}) {
+        INFO("at " << range << " m");
+        CHECK(at(plain.power_w, 5, range) == at(plain.power_w, 200, range));
+        for (const std::size_t azimuth : {200, 250, 270, 300})
+            CHECK(at(east.power_w, azimuth, range) == at(plain.power_w, azimuth, range));
+        // Over the edge, 1100 m above the sensor 3 km off, no ray is wet beyond 4.2 km.
+        if (range > 4300) CHECK(at(east.power_w, 90, range) < 1e-3f * at(plain.power_w, 90, range));
+        if (range > 7000)
+            for (const std::size_t azimuth : {5, 90, 222})
+                CHECK(at(wall.power_w, azimuth, range) < 1e-3f * at(plain.power_w, azimuth, range));
     }
 }
 

@@ -10,6 +10,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "tiles/folder_entries.hpp"
+
 namespace wedgescope {
 
 namespace fs = std::filesystem;
@@ -35,10 +37,8 @@ void remove_unclaimed(const std::string& path) {
 
 void remove_left_behind(const std::string& folder, const std::function<bool(const std::string& name)>& temporary) {
     std::error_code error;
-    std::vector<fs::path> found;
-    for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
-        if (temporary(entry->path().filename().string())) found.push_back(entry->path());
-    for (const fs::path& path : found) remove_unclaimed(path.string());
+    for (const fs::directory_entry& entry : folder_entries(folder, error))
+        if (temporary(entry.path().filename().string())) remove_unclaimed(entry.path().string());
 }
 
 bool is_numbered(const std::string& name, const std::string& stem) {

@@ -16,6 +16,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/folder_entries.hpp"
 
 namespace wedgescope {
 namespace {
@@ -74,14 +75,14 @@ private:
     using Names = std::multimap<std::string, std::string>;  ///< by stem
     static void list(const std::string& folder, Names& names) {
         std::error_code error, unknown;
-        for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-            std::string name = entry->path().filename().string();
+        for (const fs::directory_entry& entry : folder_entries(folder, error)) {
+            std::string name = entry.path().filename().string();
             const auto mark = name.rfind(temporary_mark);
             if (name.front() != '.' || mark == std::string::npos) continue;
             std::string stem = name.substr(0, mark + std::strlen(temporary_mark));
             // A folder, of two numbers: what only looks a little like it is somebody else's.
             if (is_numbered(name, stem) && name.find('-', stem.size()) != std::string::npos &&
-                entry->is_directory(unknown))
+                entry.is_directory(unknown))
                 names.emplace(std::move(stem), std::move(name));
         }
     }
@@ -169,8 +170,8 @@ void OutputFile::remove_folder() noexcept {
 std::vector<std::string> OutputFile::written() const {
     std::vector<std::string> names;
     std::error_code error;
-    for (fs::directory_iterator entry(folder_, error), end; !error && entry != end; entry.increment(error))
-        names.push_back(entry->path().filename().string());
+    for (const fs::directory_entry& entry : folder_entries(folder_, error))
+        names.push_back(entry.path().filename().string());
     if (error)
         throw IoError(
             text("output '", final_path_, "': what was written for it to '", folder_, "' is gone: ", error.message()));

@@ -412,7 +412,7 @@ std::unique_ptr<Spill> Spill::open_kept(const std::string& path, Timeline* timel
     params.keep = path;
     params.timeline = timeline;
     auto spill = std::make_unique<Spill>(params);
-    spill->file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    spill->file_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);  // no waiting for a pipe's writer
     if (spill->file_ < 0) throw IoError(text(spill->named(), " cannot be opened: ", system_reason(errno)));
     spill->read_index();
     spill->seal();

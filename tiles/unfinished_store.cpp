@@ -17,6 +17,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/claim.hpp"
+#include "tiles/folder_entries.hpp"
 #include "tiles/json_text.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/store_manifest.hpp"
@@ -51,14 +52,6 @@ bool is_stores_own(const fs::path& path) {
          {manifest_name, store_plan_name, "unfinished.json", store_map_name, store_detail_name, store_classes_name})
         if (ends(own, {"", ".tmp"})) return true;
     return file == kept_spill_name || is_numbered(file, text(".", kept_spill_name, ".tmp-"));
-}
-
-/// Of a folder, with those of folders in it where that is asked for; `error` where not all of them can be told.
-template <class Iterator>
-std::vector<fs::directory_entry> entries(const std::string& folder, std::error_code& error) {
-    std::vector<fs::directory_entry> found;
-    for (Iterator at(folder, error), end; !error && at != end; at.increment(error)) found.push_back(*at);
-    return found;
 }
 
 /// Something that differs between the plan of an unfinished store and the one that is asked for, in round brackets:
@@ -107,7 +100,7 @@ namespace {
 /// The first of the files in a folder, by name, that no store has; empty: there is none. `error` where not all can be told.
 std::string foreign_file(const std::string& folder, std::error_code& error) {
     std::set<std::string> foreign;
-    for (const fs::directory_entry& entry : entries<fs::recursive_directory_iterator>(folder, error))
+    for (const fs::directory_entry& entry : folder_entries<fs::recursive_directory_iterator>(folder, error))
         if (!fs::is_directory(entry.symlink_status(error)) && !is_stores_own(entry.path().lexically_relative(folder)))
             foreign.insert(entry.path().string());
     return foreign.empty() ? std::string() : *foreign.begin();
@@ -240,7 +233,7 @@ void UnfinishedStore::make_folder(const std::string& name) {
     std::error_code error;
     fs::create_directories(path, error);
     if (error) throw IoError(text("'", path, "' cannot be made: ", error.message()));
-    for (const fs::directory_entry& entry : entries<fs::directory_iterator>(path, error))
+    for (const fs::directory_entry& entry : folder_entries(path, error))
         if (!error && entry.path().extension() == ".tmp") fs::remove(entry.path(), error);
     if (error) throw IoError(text("'", path, "' cannot be cleared: ", error.message()));
 }
@@ -248,7 +241,7 @@ void UnfinishedStore::make_folder(const std::string& name) {
 void UnfinishedStore::remove_all_but_plan() const {
     std::error_code error;
     fs::remove(inside(manifest_name), error);  // first: what is left by one killed here is no finished store
-    for (const fs::directory_entry& entry : entries<fs::directory_iterator>(folder_, error))
+    for (const fs::directory_entry& entry : folder_entries(folder_, error))
         if (!error && entry.path().filename() != store_plan_name) fs::remove_all(entry.path(), error);
     if (error) throw IoError(text("'", folder_, "' cannot be cleared: ", error.message()));
 }
@@ -267,7 +260,7 @@ bool UnfinishedStore::close(bool keep_sheets) noexcept {
     bool kept = false;
     try {
         std::error_code ignored;
-        const auto all = entries<fs::recursive_directory_iterator>(folder_, ignored);
+        const auto all = folder_entries<fs::recursive_directory_iterator>(folder_, ignored);
         const auto ends = [](const char* ending) {
             return [ending](const fs::directory_entry& entry) { return entry.path().extension() == ending; };
         };

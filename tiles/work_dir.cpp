@@ -22,6 +22,7 @@
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/claim.hpp"
+#include "tiles/folder_entries.hpp"
 #include "tiles/json_text.hpp"
 #include "tiles/plain_file.hpp"
 
@@ -241,7 +242,7 @@ WorkDir::WorkDir(std::string path, Start start) : path_(std::move(path)), start_
     if (holds_run && start == Start::over && fs::is_regular_file(file(run_name), error) && !may_be_run(file(run_name)))
         throw InputError(text(named(), " is no work folder: its '", run_name,
                               "' is no run's; accepted: a missing or empty folder, or one of an earlier run"));
-    fs::directory_iterator entries(path_, error);
+    const std::vector<fs::directory_entry> entries = folder_entries(path_, error);
     if (error) throw IoError(text(named(), " cannot be read: ", error.message()));
     for (const auto& entry : entries) {
         const std::string name = entry.path().filename().string();
@@ -360,7 +361,7 @@ bool WorkDir::read_run() {
 
 void WorkDir::remove_wedges() const {
     std::error_code error;
-    for (const auto& entry : fs::directory_iterator(path_, error))
+    for (const fs::directory_entry& entry : folder_entries(path_, error))
         if (is_wedge(entry.path().filename().string())) ::unlink(entry.path().c_str());
 }
 

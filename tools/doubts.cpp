@@ -10,6 +10,7 @@
 
 #include "lib/block_map.hpp"
 #include "lib/error.hpp"
+#include "lib/far_shore.hpp"
 #include "lib/rain_echo.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/swapped_place.hpp"
@@ -76,11 +77,12 @@ using Doubts = std::array<std::string, doubt_count>;
 
 void doubt_rain(const ResolvedScene& scene, Doubts& lines) {
     const WeatherParams& weather = scene.scene.weather;
-    const double lowest_m = lowest_rain_m(scene.rain_floor, scene.reference_m);
+    double lowest_m = scene.rain_floor.empty() ? scene.reference_m : infinite;
+    for (const std::vector<RainFloor>& ray : scene.rain_floor)
+        lowest_m = std::min(lowest_m, lowest_rain_m(ray, scene.reference_m));
     if (weather.rain_mm_h > 0 && weather.rain_top_m <= lowest_m)
         lines[low_rain] = fmt::format(
-            "rain-top is {:.6g} m, and the ground around, on the mean, lies at {:.0f} m or higher: rain has no echo of "
-            "its own",
+            "rain-top is {:.6g} m, and the ground around lies at {:.0f} m or higher: rain has no echo of its own",
             weather.rain_top_m, lowest_m);
 }
 
@@ -154,6 +156,12 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
             "azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out too "
             "high (azimuth-bins {:.0f} or more)",
             step_deg, beam_deg, std::ceil(720 / beam_deg));
+    const double bin_m = r.scene.swept.range_bin_m, pulse_m = r.scene.scene.radar.pulse_extent_m();
+    if (bin_m > 1.001 * pulse_m)
+        lines[long_bins] = fmt::format(
+            "range bins of {:.4g} m are longer than the pulse of {:.4g} m (c tau/2): a cell is the mean over its bin, "
+            "so what stands alone comes out up to {:.1f} dB too weak",
+            bin_m, pulse_m, 10 * std::log10(bin_m / pulse_m));
     // Physics 6.4; large drops leave Rayleigh's law first.
     constexpr double strong_mm_h = 20;
     const double rain_mm_h = r.scene.scene.weather.rain_mm_h, hz = r.scene.scene.radar.frequency_hz;
@@ -197,6 +205,10 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
         add_idle({{"cloud-base", weather.cloud_base_m != usual.cloud_base_m},
                   {"cloud-top", weather.cloud_top_m != usual.cloud_top_m}},
                  " without cloud", lines);
+    const AntennaParams& antenna = scene.radar.antenna;
+    if (antenna.elevation != ElevationPattern::cos_csc2)
+        add_idle({{"antenna-exponent", antenna.exponent != AntennaParams().exponent}},
+                 ": it is that of antenna cos-csc2", lines);
     if (scene.gamma)
         add_idle({{"backscatter", scene.land != LandModel::constant_gamma},
                   {"water", scene.water != WaterModel::nrl},
@@ -209,7 +221,7 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
                   {"sea-state", scene.sea_state > 0},
                   {"wind-direction", scene.wind_from && may_be_windy(laws_of(scene))}},
                  ": no ground is of a class of water, by culture or material", lines);
-    if (scene.far_shore && !db.has_culture)
+    if (scene.far_shore && !lights_far_shores(scene, db))
         lines.push_back("far-shore has no effect: water is told from land by culture, and there is none");
     if (scene.walls == Walls::statistical && raises_m(scene, db).empty())
         lines.push_back("walls statistical has no effect: no class of the ground has structures");
@@ -229,13 +241,17 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
     return lines;
 }
 
-std::vector<std::string> idle_receiver(const ReceiverParams& receiver) {
+std::vector<std::string> idle_receiver(const ReceiverParams& receiver, const DisplayParams& display) {
     std::vector<std::string> lines;
     const ReceiverParams usual;
     if (!receiver.stc_range_m)
         add_idle({{"stc-exponent", receiver.stc_exponent != usual.stc_exponent},
                   {"stc-max", receiver.stc_max.db() != usual.stc_max.db()}},
                  " without stc-range", lines);
+    if (!receiver.fluctuates()) add_idle({{"seed", receiver.seed != usual.seed}}, " without noise or speckle", lines);
+    if (display.kind != DisplayKind::tdppi)
+        add_idle({{"sweep-delay", display.sweep_delay_m.has_value()}}, ": it is that of display tdppi", lines);
+    if (!display.rings) add_idle({{"ring-spacing", display.ring_spacing_m.has_value()}}, " without rings", lines);
     return lines;
 }
 

@@ -18,6 +18,7 @@ enum Doubt : std::size_t {
     nothing_seen,
     nothing_lit,
     wide_bins,
+    long_bins,
     strong_rain,
     error_unkept,
     no_level,
@@ -41,8 +42,8 @@ std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base)
 /// known.
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base,
                                       const std::optional<Legend>& legend = {});
-/// The same of the receiver, which needs no data base.
-std::vector<std::string> idle_receiver(const ReceiverParams& receiver);
+/// The same of receiver and display, which need no data base.
+std::vector<std::string> idle_receiver(const ReceiverParams& receiver, const DisplayParams& display);
 
 /// Why the lowest height of a terrain looks like the no-data value that it does not declare, and how to declare it; empty: it does
 /// not. `terrain`: its path.

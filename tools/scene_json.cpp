@@ -115,7 +115,10 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& r) {
     out["swept"] = grid(r.swept);
     if (!r.rain_floor.empty()) {
         nlohmann::ordered_json& floor = out["rain_floor_m"] = nlohmann::ordered_json::array();
-        for (const RainFloor& knot : r.rain_floor) floor.push_back({knot.range_m, knot.height_m});
+        for (const std::vector<RainFloor>& ray : r.rain_floor) {
+            floor.push_back(nlohmann::ordered_json::array());
+            for (const RainFloor& knot : ray) floor.back().push_back({knot.range_m, knot.height_m});
+        }
     }
     return out;
 }

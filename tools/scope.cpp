@@ -123,7 +123,8 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string written = records.commit(layers.files(), scope_inputs(settings));
     for (const std::string& line : doubts(result, !settings.output.empty()))
         if (!line.empty()) remark(settings.quiet, line);
-    for (const std::string& line : idle_receiver(settings.scene.receiver)) remark(settings.quiet, line);
+    for (const std::string& line : idle_receiver(settings.scene.receiver, settings.scene.display))
+        remark(settings.quiet, line);
     if (left_out)
         remark(settings.quiet,
                "the legend is left out: it names the data base, which an echo image does not (the scene file that says "

@@ -159,7 +159,7 @@ void tell_doubts(const Settings& settings, const RunResult& result, const Ground
     if (ground && settings.scene.far_shore) say("far-shore is not in ground, which knows each post by itself");
     for (const std::string& line : doubts_of_heights(settings.dem, source, settings.culture_height_scale)) say(line);
     for (const std::string& line : idle_effects(settings.scene, source.data_base(), legend)) say(line);
-    for (const std::string& line : idle_receiver(settings.scene.receiver)) say(line);
+    for (const std::string& line : idle_receiver(settings.scene.receiver, settings.scene.display)) say(line);
     if (settings.only_wedges) return;
     for (const std::string& line : doubts(result, !settings.output.empty()))
         if (!line.empty()) say(line);

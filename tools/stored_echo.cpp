@@ -69,22 +69,24 @@ private:
     std::string name_;
 };
 
-/// None in an image without rain, and in one of before there were any.
-std::vector<RainFloor> rain_floor_in(const Member& resolved) {
+/// None in an image without rain.
+std::vector<std::vector<RainFloor>> rain_floor_in(const Member& resolved) {
     constexpr const char* name = "rain_floor_m";
-    std::vector<RainFloor> floor;
-    if (!resolved.has(name)) return floor;
-    const json& knots = resolved.at(name);
-    const auto good = [&](const json& knot) {
-        return knot.is_array() && knot.size() == 2 && knot[0].is_number() && knot[1].is_number() &&
-               (floor.empty() || knot[0].get<double>() > floor.back().range_m);
-    };
-    if (!knots.is_array()) resolved.refuse(name, "a list");
-    for (const json& knot : knots) {
-        if (!good(knot)) resolved.refuse(name, "a list of ascending ranges with heights");
-        floor.push_back({knot[0].get<double>(), knot[1].get<double>()});
+    std::vector<std::vector<RainFloor>> floors;
+    if (!resolved.has(name)) return floors;
+    const json& rays = resolved.at(name);
+    if (!rays.is_array()) resolved.refuse(name, "a list");
+    for (const json& knots : rays) {
+        if (!knots.is_array()) resolved.refuse(name, "a list of lists");
+        std::vector<RainFloor>& floor = floors.emplace_back();
+        for (const json& knot : knots) {
+            const bool good = knot.is_array() && knot.size() == 2 && knot[0].is_number() && knot[1].is_number() &&
+                              (floor.empty() || knot[0].get<double>() > floor.back().range_m);
+            if (!good) resolved.refuse(name, "a list of lists of ascending ranges with heights");
+            floor.push_back({knot[0].get<double>(), knot[1].get<double>()});
+        }
     }
-    return floor;
+    return floors;
 }
 
 PolarGrid grid_in(const Member& resolved, const char* name) {

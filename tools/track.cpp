@@ -393,7 +393,7 @@ private:
     void tell() const {
         for (const std::string& line : idle_effects(frames_.settings(0).scene, source_->data_base(), legend(settings_)))
             say(line);
-        for (const std::string& line : idle_receiver(settings_.scene.receiver)) say(line);
+        for (const std::string& line : idle_receiver(settings_.scene.receiver, settings_.scene.display)) say(line);
         for (const std::string& line : maker_->doubts()) say(line);
         for (const std::string& line : doubts_of_heights(settings_.dem, *source_, settings_.culture_height_scale))
             say(line);
