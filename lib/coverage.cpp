@@ -65,15 +65,15 @@ CoverageReport covering::Cover::run() {
     return report;
 }
 
-Sampling coverage_sampling(Quality quality, CoverageLayer layer) {
+Sampling coverage_sampling(Quality quality) {
     // Its bins are the four quadrants, of two units of slope each. So many spokes from the sensor on are 2 a post over 64 lines
     // at draft, 16 at exact: what stands near by throws shadows much wider than the way between two others. Ranges of a hundred
     // posts take some percent longer for it, longer ones nothing.
-    const auto sampling = [layer](double a_post, double a_unit_of_slope, bool cross_lines) {
+    const auto sampling = [](double a_post, double a_unit_of_slope, bool cross_lines) {
         return Sampling{.spokes_per_post = a_post,
                         .spokes_per_bin = a_unit_of_slope * (std::numbers::pi / 2),
                         .lead = 1,
-                        .cross_lines = cross_lines || layer == CoverageLayer::height,
+                        .cross_lines = cross_lines,
                         .exact_course = false};
     };
     switch (quality) {

@@ -109,9 +109,8 @@ struct CoverageReport {
     }
 };
 
-/// Spokes a post and crossings of the other axis for a quality. Heights take crossings at any: a crest that spokes step over lacks in
-/// all of its shadow.
-Sampling coverage_sampling(Quality quality, CoverageLayer layer);
+/// Spokes a post and crossings of the other axis for a quality.
+Sampling coverage_sampling(Quality quality);
 
 /// As resolve(), but without a range all of the raster is in range. InputError, DataError.
 ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source);

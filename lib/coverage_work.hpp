@@ -228,9 +228,8 @@ public:
     Cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
           const std::function<void(const CoverageTile&)>* write)
         : scene_(scene), source_(source), db_(source.data_base()), params_(params), write_(write),
-          sampling_(own_sampling(scene.scene, coverage_sampling(scene.scene.quality, params.layer))),
-          map_(db_, map_params()), grid_(db_, map_, sampling_, 4), bytes_(is_bytes(params.layer)),
-          voids_(params.layer == CoverageLayer::states),
+          sampling_(own_sampling(scene.scene, coverage_sampling(scene.scene.quality))), map_(db_, map_params()),
+          grid_(db_, map_, sampling_, 4), bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states),
           tiles_(db_.columns, db_.rows, bytes_, outside_byte(), params.reached_only) {
         lift_.sensor_m = static_cast<float>(scene.sensor_m);
         // Upwards: the ground that a sensor stands on hides nothing by the sensor's being rounded into it.

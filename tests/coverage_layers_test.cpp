@@ -393,7 +393,7 @@ TEST_CASE("a void is no data in every layer, and what is seen needs no height", 
     for (const char* layer : {"mask", "states", "height", "range", "grazing", "depression"}) {
         const std::string out = folder / (std::string(layer) + ".tif");
         const Ended ended = run_program({WEDGESCOPE_PROGRAM, "coverage", dem, out, "--layer", layer, "--latlon",
-                                         "44.45,-72.6", "--altitude-msl", "1500m", "--crossings", "on", "-q"},
+                                         "44.45,-72.6", "--altitude-msl", "1500m", "-q"},
                                         folder / "log");
         INFO(ended.err);
         REQUIRE(ended.code == 0);

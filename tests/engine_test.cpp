@@ -130,6 +130,22 @@ TEST_CASE("an elevation pattern that bends within a post lights a plain as the r
     }
 }
 
+TEST_CASE("without a range all is in range that may be seen, of low ground and high", "[engine]") {
+    // A plain below the sea, with the sensor 700 m above it: as far as its horizon, by a radius of the earth near the mean.
+    MemorySource low(401, 401, 1000, [](double, double) { return -400.0; });
+    Scene s = scene_of_one_gamma(200000.3, -200000.7, 300, 1000);
+    s.range_m.reset();
+    s.earth_k = 4.0 / 3;
+    CHECK(*resolve(s, low).scene.range_m == Approx(std::sqrt(2 * 4.0 / 3 * 6371000 * 700)).epsilon(0.005));
+    // On a plane all of the raster: its farthest corner, of which the ground is lower than below the sensor.
+    MemorySource plateau(101, 101, 30,
+                         [](double c, double r) { return std::hypot(c - 50, r - 50) < 40 ? 1000.0 : 0.0; });
+    s = scene_of_one_gamma(1500.3, -1500.7, 12000, 1000);
+    s.range_m.reset();
+    s.earth_k.reset();
+    CHECK(*resolve(s, plateau).scene.range_m == Approx(std::hypot(1500.3, 1500.7, 12000.0)).margin(1));
+}
+
 TEST_CASE("the last range bin holds all of its ground", "[engine]") {
     MemorySource source(801, 801, 2, [](double, double) { return 0.0; });
     Scene s = scene_of_one_gamma(800, -800, 60, 700);

@@ -613,6 +613,34 @@ TEST_CASE("the rain's echo is the radar equation of what a level beam holds", "[
     CHECK(value("rain-volume", heavy, "P_r") == value("rain-volume", heavy + "t_pol=0deg", "P_r"));
     const Folder folder;
     CHECK_THAT(folder.run({"rain-volume", "r=20km", "hs=2km", "R=clear"}).out, Contains("\nP_r = 0 W\n"));
+    // Nor do rows on tables made for the row before, whichever input differs.
+    const std::vector<std::pair<std::string, std::array<std::string, 2>>> inputs = {{"t_pol [deg]", {"0", "90"}},
+                                                                                    {"R [mm/h]", {"4", "40"}},
+                                                                                    {"f [GHz]", {"10", "16.5"}},
+                                                                                    {"hs [m]", {"2000", "900"}}};
+    for (const std::string& model : {std::string("path-loss"), std::string("rain-volume")})
+        for (const auto& [input, cells] : inputs) {
+            const std::string key = input.substr(0, input.find(' ')),
+                              unit = input.substr(input.find('[') + 1, input.find(']') - input.find('[') - 1);
+            std::vector<std::string> rest{model, "r=20km"};
+            if (model == "path-loss") rest.push_back("delta=1deg");
+            for (const auto& [other, of] : inputs)
+                if (other != input)
+                    rest.push_back(other.substr(0, other.find(' ')) + "=" + of[0] +
+                                   other.substr(other.find('[') + 1, other.find(']') - other.find('[') - 1));
+            std::vector<std::string> both = rest;
+            both.insert(both.end(),
+                        {"--in", folder.write("two.csv", input + "\n" + cells[0] + "\n" + cells[1] + "\n")});
+            const auto two = table(folder.run(both).out);
+            INFO(model << " by " << input);
+            REQUIRE(two.size() == 3);
+            CHECK(two[1].back() != two[2].back());
+            for (const std::size_t row : {0, 1}) {
+                std::vector<std::string> one = rest;
+                one.insert(one.end(), {"--in", folder.write("one.csv", input + "\n" + cells[row] + "\n")});
+                CHECK(table(folder.run(one).out)[1] == two[row + 1]);
+            }
+        }
     // A table's rows do not hang on each other.
     const auto rows = table(
         folder.run({"rain-volume", "hs=2km", "R=heavy", "--in", folder.write("t.csv", "r [km]\n20\n90\n20\n")}).out);

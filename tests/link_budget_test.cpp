@@ -148,6 +148,27 @@ TEST_CASE("areas are right beside the altitude hole, with any beam and pulse", "
         }
 }
 
+TEST_CASE("steeply below the sensor the beam on level ground is at most twice as wide as it is", "[budget]") {
+    MemorySource source(301, 301, post_m, [](double, double) { return 100.0; });
+    Scene s = scene_at(150, 150, 2100, 4500);
+    s.radar.pulse_s = 0.2e-6;
+    s.range_bin_m = 10;
+    std::size_t cells = 0;
+    for (const double range_m : {2060, 2200, 3000}) {
+        const LinkBudget b = budget(s, source, 200, static_cast<std::int64_t>(range_m / *s.range_bin_m));
+        INFO(b.slant_range_m << " m");
+        REQUIRE(b.level_area_m2 > 0);
+        // A = r theta_2 (c tau / 2) sec(grazing) in the pulse's middle.
+        const double middle_m = b.slant_range_m - s.radar.pulse_extent_m() / 2, sine = 2000 / middle_m,
+                     secant = 1 / std::sqrt(1 - sine * sine);
+        cells += secant > 2 ? 1 : 0;
+        CHECK_THAT(b.level_area_m2, WithinRel(middle_m * two_way_width(s.radar.antenna.beam).rad() *
+                                                  s.radar.pulse_extent_m() * std::min(secant, 2.0),
+                                              0.01));
+    }
+    CHECK(cells == 2);
+}
+
 TEST_CASE("areas are right where ground is seen nearly edge-on, by any law", "[budget]") {
     MemorySource source(601, 601, post_m, [](double, double) { return 100.0; });
     for (const LandModel land : {LandModel::constant_gamma, LandModel::ulaby_dobson}) {
@@ -442,4 +463,10 @@ TEST_CASE("budget finds the bin of any azimuth", "[budget]") {
     CHECK(bin({"--at=-0.1deg,2nmi"}) == 959);
     CHECK(bin({"--at", "45deg,2nmi", "--sector", "-45deg,45deg"}) == 119);  // the far edge is the last bin's
     CHECK(bin({"--at", "-45deg,3nmi", "--sector", "-45deg,45deg"}) == 840);
+    const Said far = wedgescope_says(
+        folder, {"budget", "--dem", dem, "--latlon", "33.92,-117.28", "--altitude-msl", "7000ft", "--range", "4500m",
+                 "--range-bin", "45m", "--quality", "draft", "--at", "0deg,4500m", "--json"});
+    INFO(far.ended.err);
+    REQUIRE(far.ended.code == 0);
+    CHECK(test::json_of(far.out)["cell"]["range_bin"] == 99);  // and that of the range
 }

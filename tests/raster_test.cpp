@@ -341,6 +341,16 @@ TEST_CASE("what is no raster of heights is refused in one line that says why", "
     d.geotransform = {{1000, -10, 0, 2000, 0, -10}};
     draw(folder / "mirrored.tif", d);
     CHECK_THAT(refusal<DataError>(folder / "mirrored.tif"), Contains("-10") && Contains("gdalwarp"));
+    d = {};
+    d.type = GDT_Byte;
+    d.bands = 3;
+    d.creation = {"PHOTOMETRIC=RGB"};
+    draw(folder / "relief.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "relief.tif"), Contains("relief.tif' is a picture, red, green and blue"));
+    CHECK_NOTHROW(RasterFile("culture", folder / "relief.tif"));
+    d.creation = {"PHOTOMETRIC=MINISBLACK"};
+    draw(folder / "layers.tif", d);
+    CHECK(refusal<DataError>(folder / "layers.tif") == test::nothing_refused);
     // An alpha that GDAL takes for no mask, and what lies below it for heights.
     for (const GDALDataType type : {GDT_Int16, GDT_Float32, GDT_UInt16}) {
         GDALDataset* const made = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(

@@ -646,6 +646,10 @@ TEST_CASE("what others wrote into a work folder's names stays", "[resume]") {
     put(path + "/wedge_notes.bin", "mine");
     CHECK_THROWS_WITH(WorkDir(path, Start::over), Contains("is no work folder: its 'run.json' is no run's"));
     CHECK(content(path + "/run.json") == R"({"lr": 0.1})");
+    const std::string like_one = R"({"format": "mine", "x": 1})";
+    put(path + "/run.json", like_one);
+    CHECK_THROWS_WITH(WorkDir(path, Start::over), Contains("is no work folder: its 'run.json' is no run's"));
+    CHECK(content(path + "/run.json") == like_one);
     // A run's own that lost a byte, or never reached the disk, is started over; what is no wedge's stays beside it.
     fs::remove(path + "/wedge_notes.bin");
     fs::remove(path + "/run.json");

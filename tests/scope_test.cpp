@@ -14,6 +14,7 @@
 #include "tests/in_process.hpp"
 #include "tests/json.hpp"
 #include "tools/keys.hpp"
+#include "tools/legend.hpp"
 
 namespace {
 
@@ -845,4 +846,61 @@ TEST_CASE("the range bin of an echo image's metadata is its own", "[scope]") {
     const Strings start = {"scope", echo, "-q", "-o", png};
     folder.make(with(start, {"--range-bin", "44.9688687m"}));
     refuses(folder, with(start, {"--overwrite", "--range-bin", "44.968868m"}), 2, {"44.968868m", "new sweep"});
+}
+
+TEST_CASE("the legend says where the sensor is, and what is black and white", "[scope]") {
+    using namespace wedgescope;
+    const Folder folder;
+    // A helper that keeps what it is told, and draws six pixels.
+    const std::string helper = folder / "helper", told = folder / "told.json";
+    std::ofstream(helper) << "#!/bin/sh\ncat > '" << told << "'\nprintf 'P5\\n3 2\\n255\\nabcdef'\n";
+    fs::permissions(helper, fs::perms::owner_all);
+    Settings settings;
+    settings.dem = "somewhere/hills.tif";
+    ResolvedScene r;
+    r.has_lat_lon = r.nadir_on_data = true;
+    r.lat_deg = 33.93;
+    r.lon_deg = -117.33;
+    r.sensor_m = 2133.6;
+    r.reference_m = 471;
+    r.scene.platform.heading = Angle::degrees(30);
+    r.scene.range_m = 18520;
+    r.scene.weather.rain_mm_h = 4;
+    r.scene.receiver.mds_dbm = -100;
+    r.scene.receiver.if_gain = Decibel(84);
+    const auto lines = [&](double lat_deg, double lon_deg) {
+        r.lat_deg = lat_deg;
+        r.lon_deg = lon_deg;
+        Picture picture;
+        picture.frame.width = 4;
+        picture.frame.height = 2;
+        picture.grey.assign(8, 7);
+        picture.state.assign(8, 2);
+        picture.ring_range_m = {3704, 7408};
+        add_legend(helper, settings, r, picture);
+        CHECK(picture.frame.width == 7);
+        CHECK(std::string(picture.grey.begin(), picture.grey.end()) == "\7\7\7\7abc\7\7\7\7def");
+        const auto text = json_in(told);
+        // Black where the receiver's first grey is: MDS - (IF gain - 64 dB), white 20 dB above.
+        CHECK(text["scale"]["black"] == "-120 dBm");
+        CHECK(text["scale"]["white"] == "-100 dBm");
+        std::map<std::string, std::string> found;
+        for (const auto& section : text["sections"])
+            for (const auto& line : section["lines"]) found[line[0]] = line[1];
+        return found;
+    };
+    auto found = lines(33.93, -117.33);
+    CHECK(found["Latitude"] == "33.9300 N");
+    CHECK(found["Longitude"] == "117.3300 W");
+    CHECK(found["Altitude MSL"] == "2134 m  7000 ft");
+    CHECK(found["Above ground"] == "1663 m  5455 ft");
+    CHECK(found["Heading"] == "30 deg");
+    CHECK(found["Slant range"] == "10 nmi");
+    CHECK(found["Range rings"] == "every 2 nmi");
+    CHECK(found["Rain"] == "4 mm/h  to 3000 m");
+    CHECK(found["MDS"] == "-100 dBm");
+    CHECK(found["Terrain"] == "hills.tif");
+    found = lines(-45.5, 170.25);
+    CHECK(found["Latitude"] == "45.5000 S");
+    CHECK(found["Longitude"] == "170.2500 E");
 }

@@ -241,7 +241,10 @@ TEST_CASE("rasters of 64 bits with a no-data value are stored with their overvie
         d.type = type;
         d.no_data = no_data;
         const double none = no_data;
-        d.value = [none](int c, int r) { return c == 7 && r == 5 ? none : 100.0 + c + 3 * r; };
+        // A tile of the sea, all 0, and where that is no data one of data.
+        d.value = [none](int c, int r) {
+            return c == 7 && r == 5 ? none : c >= 64 && c < 128 ? 0.0 : 100.0 + c + 3 * r;
+        };
         draw(folder / "dem.tif", d);
         auto params = into(folder / "store", {folder / "dem.tif"});
         params.tile_posts = 64;
@@ -392,6 +395,16 @@ TEST_CASE("a store keeps what one unit of its culture heights is; scenes over it
     CHECK(same(metres.values, tenths.values));
     CHECK(metres.scale == 1);
     CHECK(tenths.scale == 0.1);
+    // Over what the raster's own values count for already.
+    h.scale = 0.5;
+    h.offset = 10;
+    draw(folder / "scaled.tif", h);
+    params.culture_height = folder / "scaled.tif";
+    params.output = folder / "scaled";
+    write_tile_store(params);
+    const Plain scaled((folder / "scaled") + "/culture_height.vrt");
+    CHECK(scaled.scale == Approx(0.05));
+    CHECK(scaled.offset == Approx(1));
     // Not to be gone on with as if nothing was.
     CHECK(contents(folder / "metres")["plan.json"] != contents(folder / "tenths")["plan.json"]);
 

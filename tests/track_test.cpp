@@ -110,6 +110,10 @@ TEST_CASE("a bad line of a track is named with what was found and what is accept
           "altitude-msl (or altitude), altitude-agl (or height) and altitude-hae, and heading, with a unit in brackets "
           "where it is not s, m or deg");
     CHECK_THAT(refused(head), Contains("has no rows"));
+    std::string rows = head;
+    for (int i = 0; i < 100000; ++i) rows += std::to_string(i) + ",33,-117,1000,0\n";
+    CHECK(refused(rows) == test::nothing_refused);
+    CHECK_THAT(refused(rows + "100000,33,-117,1000,0\n"), Contains("split the file"));
     CHECK_THAT(refused("time,lat,lon,alt\n"), Contains("line 1: column 4 is 'alt'; accepted: time, lat and lon"));
     CHECK_THAT(refused("time,lat,lon\n"), Contains("line 1: no column is an altitude"));
     CHECK_THAT(refused("lat,lon,altitude-msl\n"), Contains("no column is time"));

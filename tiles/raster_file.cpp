@@ -105,6 +105,16 @@ void refuse_alpha(GDALDataset& dataset, const RasterFacts& facts) {
     }
 }
 
+/// DataError for a coloured picture, whose red is no height.
+void refuse_colours(GDALDataset& dataset, const RasterFacts& facts) {
+    if (dataset.GetRasterCount() < 3 || dataset.GetRasterBand(1)->GetColorInterpretation() != GCI_RedBand ||
+        dataset.GetRasterBand(2)->GetColorInterpretation() != GCI_GreenBand)
+        return;
+    throw DataError(text(facts.named(),
+                         " is a picture, red, green and blue; accepted: heights in the first band "
+                         "(gdal_translate -b takes one band of several)"));
+}
+
 // What a raster is asked for decides what of it is refused.
 bool is_of_heights(const std::string& role) { return role == "dem" || role == "culture-height"; }
 bool is_looked_into(const std::string& role) {
@@ -168,6 +178,7 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     facts.has_mask = (flags & GMF_ALL_VALID) == 0 && (flags & (GMF_PER_DATASET | GMF_ALPHA)) != 0;
     if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0) facts.has_mask = true;
     if (is_looked_into(facts.role) && !facts.has_mask && !facts.has_no_data) refuse_alpha(dataset, facts);
+    if (is_of_heights(facts.role)) refuse_colours(dataset, facts);
     if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE"))
         facts.compression = compression;
     const bool whole = facts.type != GDT_Float32 && facts.type != GDT_Float64;

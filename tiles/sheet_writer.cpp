@@ -225,11 +225,17 @@ SheetSums SheetWriter::finish() {
     }
     {
         GdalErrors errors;
-        GDALRasterBand* band = dataset_->GetRasterBand(1);
-        if (facts_.has_no_data && facts_.type == GDT_Int64)
-            band->SetNoDataValueAsInt64(whole_no_data<std::int64_t>(facts_));
-        if (facts_.has_no_data && facts_.type == GDT_UInt64)
-            band->SetNoDataValueAsUInt64(whole_no_data<std::uint64_t>(facts_));
+        if (facts_.has_no_data && is_of_64_bits(facts_.type)) {
+            // Opened anew: what is 0 all over a tile waits to be written until a file is closed, and would be no data then.
+            dataset_.reset();
+            dataset_.reset(GDALDataset::Open(path_.c_str(), GDAL_OF_RASTER | GDAL_OF_UPDATE));
+            if (!dataset_) throw failed(errors);
+            GDALRasterBand* band = dataset_->GetRasterBand(1);
+            if (facts_.type == GDT_Int64)
+                band->SetNoDataValueAsInt64(whole_no_data<std::int64_t>(facts_));
+            else
+                band->SetNoDataValueAsUInt64(whole_no_data<std::uint64_t>(facts_));
+        }
         dataset_->FlushCache(true);
         dataset_.reset();
         if (errors.failed()) throw failed(errors);
