@@ -52,7 +52,7 @@ struct WeatherHere {
     EchoAround rain;                    ///< as much as the swept azimuths meet
 
     WeatherHere() = default;
-    WeatherHere(const ResolvedScene& s, const Weather& weather, const PatternTable& pattern) {
+    WeatherHere(const ResolvedScene& s, const Weather& weather, const PatternTable& pattern, Threads& crew) {
         if (weather.clear()) return;
         // Bins of ground range begin at the slant range of the level surface.
         std::vector<double> edges_m;
@@ -63,7 +63,12 @@ struct WeatherHere {
         }
         const PathLossRays rays = loss_rays(s, edges_m.back());
         loss.emplace(weather, rays);
-        if (weather.params().rain_mm_h == 0) return;
+        if (weather.params().rain_mm_h > 0) crew.execute([&] { find_rain(s, weather, pattern, rays, edges_m); });
+    }
+
+private:
+    void find_rain(const ResolvedScene& s, const Weather& weather, const PatternTable& pattern,
+                   const PathLossRays& loss_of, const std::vector<double>& edges_m) {
         rain.rays.resize(std::max<std::size_t>(1, s.rain_floor.size()));
         std::vector<bool> met(rain.rays.size(), false);
         for (std::int64_t bin = s.swept.azimuth_bins.begin; bin < s.swept.azimuth_bins.end; ++bin) {
@@ -79,7 +84,7 @@ struct WeatherHere {
             if (!met[k]) return;
             std::vector<float>& ray = rain.rays[k];
             ray = RainEcho(weather, *loss, pattern,
-                           {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m,
+                           {s.scene.radar, loss_of.earth, s.sensor_m, s.reference_m, loss_of.most_range_m,
                             s.rain_floor.empty() ? std::vector<RainFloor>() : s.rain_floor[k]})
                       .cells_w(edges_m, s.swept.azimuth_step_rad());
             for (std::size_t j = 0; j < ray.size(); ++j) ray[j] *= level[j];
@@ -365,7 +370,7 @@ RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, con
     SceneSource own(source, scene.scene);
     require_room(scene, *own, params);
     RunResult result = std::move(used);
-    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
+    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern, crew);
     sweep(scene, *own, params, weather, crew, result);
     if (!params.only_wedges) crew.execute([&] { receive(params, weather, keep_received, result); });
     return result;
@@ -406,12 +411,12 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
     RunResult result;
     result.scene = scene;
     result.report.threads = threads_of(params);
+    Threads crew(result.report.threads, !params.beside_others);
     const bool rain = scene.scene.weather.rain_mm_h > 0;
     const WeatherHere weather =
         rain ? WeatherHere(scene, Weather(weather_of(scene.scene), scene.scene.radar.frequency_hz),
-                           PatternTable(scene.scene.radar.antenna))
+                           PatternTable(scene.scene.radar.antenna), crew)
              : WeatherHere();
-    Threads crew(result.report.threads, !params.beside_others);
     crew.execute([&] {
         const bool whole = echo_w.grid == scene.swept;
         result.echo_w = whole ? std::move(echo_w) : part_of(echo_w, scene.swept, {});
@@ -458,7 +463,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         ResolvedScene place = scan.at(bins);
         if (place.shown.range_bins != scene.shown.range_bins)
             throw Error("a scan's groups have other range bins than the whole");
-        const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
+        const WeatherHere weather(place, params.tables->weather, params.tables->pattern, crew);
         sweep(place, *ground, own, weather, crew, group);
         crew.execute([&] { receive(own, weather, params.draw, group); });
         take_rows(group, params.keep_echo, result);
